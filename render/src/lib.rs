@@ -19,8 +19,8 @@ pub mod views;
 pub use device::{AdapterPreference, Gpu, GpuError, PassName, RenderError, TimeSource};
 pub use force_field::ForceField;
 pub use image::{
-    ClipPlane, ContextVolume, ControlPoint, GradientHistogram, GradientPoint, TransferFunction,
-    TransferPreset, ValueHistogram,
+    ClipPlane, ContextVolume, ControlPoint, Form as TransferForm, GradientHistogram, GradientPoint,
+    Shape as TransferShape, TransferFunction, TransferPreset, ValueHistogram,
 };
 pub use scene::{
     Coloring, Lens, LightSettings, LightingMode, MaskColors, MutualOcclusion, Palette, Plan, Preset, Quality,

@@ -6,7 +6,6 @@ use clap::{Args, Parser, Subcommand};
 use glam::DVec3;
 use glioscope_render::{
     ChangeStyle, ClipPlane, LightSettings, LightingMode, MutualOcclusion, Palette, Preset, SliceVariant,
-    TransferPreset,
     flat::{ColorMap, Mixing, Overlay},
 };
 
@@ -21,7 +20,7 @@ use super::{
     measure::MeasureArguments,
     pacs::PacsTask,
     page::PageArguments,
-    parse::{self, LensArgument, View, keyword},
+    parse::{self, LensArgument, TransferArgument, View, keyword},
     register::RegisterArguments,
     response::{ResponseArguments, ResponseOptions},
     tracts::TractArguments,
@@ -293,9 +292,11 @@ pub struct RenderArguments {
     /// The diagram selects whole masks.
     #[arg(long)]
     pub whole_masks: bool,
-    /// The context view's transfer function.
-    #[arg(long, value_name = "PRESET", value_parser = keyword::<TransferPreset>())]
-    pub transfer: Option<TransferPreset>,
+    /// The context view's transfer function: a preset (mr-surface, mr-tissue, mr-borders, ct-skin, ct-soft, ct-bone, pet-hot,
+    /// pet-body; of shapes over value and gradient magnitude: t1c-shapes, flair-shapes, ct-bone-shapes, ct-vessel-shapes,
+    /// pet-shapes), or a file (.json) saved from the editor or written as docs/json.md has it.
+    #[arg(long, value_name = "PRESET|FILE", value_parser = parse::transfer)]
+    pub transfer: Option<TransferArgument>,
     /// Clip the context image: SIDE=MM with right, left, front, back, top or bottom removes what lies beyond that
     /// coordinate on that side. Repeat for more.
     #[arg(long = "clip", value_name = "SIDE=MM", value_parser = parse::clip)]

@@ -1,10 +1,10 @@
 //! Parsers of option values. Their errors state what was expected; [`super::one_line`] adds the rest of the message.
 
-use std::ops::RangeInclusive;
+use std::{ops::RangeInclusive, path::PathBuf};
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use glam::DVec3;
-use glioscope_render::{ClipPlane, Lens, MutualOcclusion};
+use glioscope_render::{ClipPlane, Lens, MutualOcclusion, TransferPreset};
 use strum::VariantArray;
 
 use crate::{model::PaneId, views::transfer::SIDES};
@@ -96,6 +96,30 @@ pub fn low_high(text: &str) -> Result<[f64; 2], String> {
     numbers(text).ok_or_else(|| "LOW,HIGH".into())
 }
 
+/// The value of `--transfer`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum TransferArgument {
+    /// For the image's own percentiles.
+    Preset(TransferPreset),
+    /// A file as the editor saves it.
+    File(PathBuf),
+}
+
+/// A preset of transfer functions, by its strum name, or a file whose name ends in .json.
+pub fn transfer(text: &str) -> Result<TransferArgument, String> {
+    if let Ok(preset) = text.parse() {
+        return Ok(TransferArgument::Preset(preset));
+    }
+    let path = PathBuf::from(text);
+    if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json")) {
+        return Ok(TransferArgument::File(path));
+    }
+    Err(format!(
+        "{} or a file .json",
+        TransferPreset::VARIANTS.iter().map(|p| p.into()).collect::<Vec<&str>>().join(", ")
+    ))
+}
+
 /// The value of `--lens`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LensArgument {
@@ -167,6 +191,18 @@ mod tests {
         assert!(above_zero(100.0)("0").is_err() && above_zero(100.0)("0.5").is_ok());
         assert!(clip("sideways=3").unwrap_err().contains("right"));
         assert_eq!(clip("left=3").unwrap().offset_mm, -3.0);
+    }
+
+    #[test]
+    fn transfer_functions_are_presets_or_files() {
+        for preset in TransferPreset::VARIANTS {
+            assert_eq!(transfer(preset.into()), Ok(TransferArgument::Preset(*preset)));
+        }
+        assert_eq!(transfer("a/b.JSON"), Ok(TransferArgument::File("a/b.JSON".into())));
+        for bad in ["", "mr", "a.toml", "json"] {
+            let expected = transfer(bad).unwrap_err();
+            assert!(expected.contains("ct-vessel-shapes or a file .json"), "{expected}");
+        }
     }
 
     #[test]

@@ -15,13 +15,13 @@ use super::{
     arguments::RenderArguments,
     light,
     offscreen::{DrawReport, draw_report, gpu},
-    parse::{LensArgument, View},
+    parse::{LensArgument, TransferArgument, View},
     resolve, terminal, unused,
 };
 use crate::{
     command::Workstation,
     error::AppError,
-    model::{ChangeSetting, Document, EllipsoidKind, OverlapMode, PaneId},
+    model::{ChangeSetting, Document, EllipsoidKind, OverlapMode, PaneId, transfer_file},
     output,
     views::{closeup, view3d::screen::PassTimes},
     window::{film::Film, offscreen_app::OffscreenApp},
@@ -100,8 +100,12 @@ fn apply(arguments: &RenderArguments, work: &mut Workstation) -> Result<(), AppE
 
 /// Applies the arguments of the 3D views: transfer function, clipping, ellipsoids, lighting, change and zoom.
 fn apply_3d(arguments: &RenderArguments, doc: &mut Document, world: &World) -> Result<(), AppError> {
-    if let (Some(preset), Some((id, image))) = (arguments.transfer, world.context(doc)) {
-        let (id, transfer) = (id.to_owned(), preset.transfer(image.histogram()));
+    if let (Some(wanted), Some((id, image))) = (&arguments.transfer, world.context(doc)) {
+        let transfer = match wanted {
+            TransferArgument::Preset(preset) => preset.transfer(image.histogram()),
+            TransferArgument::File(path) => transfer_file::load(path)?,
+        };
+        let id = id.to_owned();
         doc.edit.transfers.insert(id, transfer);
     }
     let Document { edit, nav, .. } = doc;

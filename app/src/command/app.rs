@@ -30,6 +30,10 @@ pub enum AppCommand {
     ShowCaseFiles,
     AcceptGuess(bool),
     OrderDates(Option<Vec<String>>),
+    OpenTransfer,
+    OpenTransferFrom(PathBuf),
+    SaveTransfer,
+    SaveTransferTo(PathBuf),
     SaveManifest,
     SaveManifestTo(PathBuf),
     ExportMeasurements(ExportFormat),
@@ -122,6 +126,8 @@ impl AppCommand {
             AppKind::ToggleDark => vec![listed(Self::ToggleDark).menu(Menu::View, 0)],
             AppKind::ShowMasks => vec![listed(Self::ShowMasks).menu(Menu::Colors, 2)],
             AppKind::ShowMakeMask => vec![listed(Self::ShowMakeMask).menu(Menu::Edit, 1)],
+            AppKind::OpenTransfer => vec![listed(Self::OpenTransfer)],
+            AppKind::SaveTransfer => vec![listed(Self::SaveTransfer)],
             AppKind::ShowAlign => vec![listed(Self::ShowAlign).menu(Menu::Tools, 2)],
             AppKind::Explain => vec![listed(Self::Explain).key(Key::F5).menu(Menu::View, 0)],
             AppKind::ShowAbout => vec![listed(Self::ShowAbout).key(Key::F1).menu(Menu::Help, 0)],
@@ -136,6 +142,8 @@ impl AppCommand {
             | AppKind::OpenFiles
             | AppKind::AcceptGuess
             | AppKind::OrderDates
+            | AppKind::SaveTransferTo
+            | AppKind::OpenTransferFrom
             | AppKind::SaveManifest
             | AppKind::SaveManifestTo
             | AppKind::ExportMeasurementsTo
@@ -171,6 +179,12 @@ impl AppCommand {
                 .detail("What each file of the open case is: image or mask, its id, date, labels and colour"),
             Self::OrderDates(Some(_)) => Label::new("Use this order"),
             Self::OrderDates(None) => Label::new("Don't open the case"),
+            Self::OpenTransfer => Label::new("Open a transfer function…").detail("From a file, for the image shown"),
+            Self::OpenTransferFrom(_) => Label::new("Open this transfer function"),
+            Self::SaveTransfer => {
+                Label::new("Save the transfer function…").detail("As a file, for other images or render --transfer")
+            }
+            Self::SaveTransferTo(_) => Label::new("Save the transfer function here"),
             Self::SaveManifest => Label::new("Save as case.toml…"),
             Self::SaveManifestTo(_) => Label::new("Write the manifest"),
             Self::AcceptGuess(true) => Label::new("Open it like this"),
@@ -265,6 +279,9 @@ impl AppCommand {
             | Self::GoToRegion(_)
             | Self::GoToComponent(..)
             | Self::ScreenshotPane(_) => work.doc.is_some(),
+            Self::OpenTransfer | Self::OpenTransferFrom(_) | Self::SaveTransfer | Self::SaveTransferTo(_) => {
+                work.doc.as_ref().is_some_and(|doc| work.world.context(doc).is_some())
+            }
             // The sample has no files.
             Self::ShowCaseFiles => work.doc.as_ref().is_some_and(|doc| doc.case != CaseRef::Sample),
             Self::GoToGrowth | Self::ShowAlign | Self::ChooseTransform(_) | Self::AlignByFile(..) => {

@@ -27,6 +27,7 @@ mod session_limits;
 mod session_names;
 mod session_old;
 mod shape;
+pub mod transfer_file;
 
 pub use accepted::{Answer, Answers};
 pub use agreement::AgreementSetting;

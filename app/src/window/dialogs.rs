@@ -12,7 +12,7 @@ use glioscope_core::files::format::{self, volume_filter, volume_names};
 use crate::{
     command::{AppCommand, Command},
     export::{Format, What},
-    model::{CaseRef, ExportFormat, PaneId, session},
+    model::{CaseRef, ExportFormat, PaneId, session, transfer_file},
     report,
     world::jobs::Waker,
 };
@@ -28,6 +28,10 @@ pub enum Purpose {
     Transform(String),
     /// Save the session.
     SaveSession,
+    /// Choose a transfer function for the image shown.
+    OpenTransfer,
+    /// Write the transfer function of the image shown.
+    SaveTransfer,
     /// Write the manifest of the case.
     Manifest,
     /// Write a picture of a pane, or of the window.
@@ -46,8 +50,9 @@ impl Purpose {
     /// Proposed name of the file to write; `None` for dialogs that open a file or folder.
     pub fn file_name(&self) -> Option<String> {
         Some(match self {
-            Self::OpenFile | Self::OpenFolder | Self::Transform(_) => return None,
+            Self::OpenFile | Self::OpenFolder | Self::Transform(_) | Self::OpenTransfer => return None,
             Self::SaveSession => format!("case.{}", session::EXTENSION),
+            Self::SaveTransfer => format!("image.{}", transfer_file::EXTENSION),
             Self::Manifest => "case.toml".into(),
             Self::Picture(pane) => format!("{}.png", pane.map_or("window", PaneId::tab).to_lowercase()),
             Self::Measurements(format) => format!("numbers.{}", format.extension()),
@@ -65,6 +70,8 @@ impl Purpose {
             Self::OpenFolder => "Open a folder as a case",
             Self::Transform(_) => "A transform that moves the date",
             Self::SaveSession => "Save the session",
+            Self::OpenTransfer => "Open a transfer function",
+            Self::SaveTransfer => "Save the transfer function",
             Self::Manifest => "Save the case's manifest",
             Self::Picture(_) => "Save the picture",
             Self::Measurements(_) => "Export the numbers",
@@ -86,6 +93,7 @@ impl Purpose {
         };
         match self {
             Self::SaveSession => session::with_ending(path),
+            Self::SaveTransfer if !ends_in(&path, "json") => with(path, transfer_file::EXTENSION),
             Self::Manifest if !ends_in(&path, "toml") => with(path, "toml"),
             Self::Picture(_) if !ends_in(&path, "png") => with(path, "png"),
             Self::Masks(_) if Format::of(&path).is_none() => with(path, "seg.nrrd"),
@@ -102,6 +110,8 @@ impl Purpose {
             Self::OpenFile | Self::OpenFolder => open_command(path),
             Self::Transform(time) => AppCommand::AlignByFile(time.clone(), path).into(),
             Self::SaveSession => AppCommand::SaveSessionTo(path).into(),
+            Self::OpenTransfer => AppCommand::OpenTransferFrom(path).into(),
+            Self::SaveTransfer => AppCommand::SaveTransferTo(path).into(),
             Self::Manifest => AppCommand::SaveManifestTo(path).into(),
             Self::Picture(pane) => AppCommand::ScreenshotTo(*pane, path).into(),
             Self::Measurements(_) => AppCommand::ExportMeasurementsTo(path).into(),
@@ -164,6 +174,7 @@ pub fn desktop_chooser() -> Chooser {
             (Purpose::Transform(_), _) => {
                 dialog.add_filter("Transforms", &["tfm", "txt", "mat", "lta", "dat"]).pick_file()
             }
+            (Purpose::OpenTransfer, _) => dialog.add_filter("Transfer functions", &["json"]).pick_file(),
             (_, None) => dialog
                 .add_filter(format!("Cases, {} files, sessions", volume_names()), &case_filter())
                 .pick_file(),

@@ -361,6 +361,8 @@ impl GlioscopeApp {
         | AppCommand::OpenSession(path)
         | AppCommand::SaveSessionTo(path)
         | AppCommand::SaveManifestTo(path)
+        | AppCommand::OpenTransferFrom(path)
+        | AppCommand::SaveTransferTo(path)
         | AppCommand::ExportMeasurementsTo(path)
         | AppCommand::ExportMasksTo(_, path)
         | AppCommand::ExportRulersTo(path)

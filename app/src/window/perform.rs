@@ -21,9 +21,11 @@ use crate::{
     model::{
         PaneId,
         session::{self, EXTENSION},
+        transfer_file,
     },
     output,
     world::{
+        image::transfer_of,
         jobs::{Job, Waker},
         load,
     },
@@ -99,6 +101,10 @@ impl GlioscopeApp {
             AppCommand::AcceptGuess(false) | AppCommand::OrderDates(None) => self.work.drop_questions(),
             AppCommand::OrderDates(Some(order)) => self.work.order_dates(order.clone(), wake()),
             AppCommand::ShowCaseFiles => self.work.edit_case_files(wake()),
+            AppCommand::OpenTransfer => self.open_file_dialog(ctx, Purpose::OpenTransfer),
+            AppCommand::OpenTransferFrom(path) => self.open_transfer(path),
+            AppCommand::SaveTransfer => self.open_file_dialog(ctx, Purpose::SaveTransfer),
+            AppCommand::SaveTransferTo(path) => self.save_transfer(path),
             AppCommand::SaveManifest => self.open_file_dialog(ctx, Purpose::Manifest),
             AppCommand::SaveManifestTo(path) => self.save_manifest(path),
             AppCommand::CancelLoading => {
@@ -328,6 +334,26 @@ impl GlioscopeApp {
         match written {
             Ok(()) => self.work.notice = Some(format!("Manifest written to {}", path.display())),
             Err(error) => self.work.error = Some(error),
+        }
+    }
+
+    fn open_transfer(&mut self, path: &Path) {
+        let context = self.work.doc.as_ref().and_then(|doc| self.work.world.context(doc));
+        let Some(id) = context.map(|(id, _)| id.to_owned()) else { return };
+        match transfer_file::load(path) {
+            Ok(transfer) => {
+                self.work.apply(&EditCommand::SetTransfer(id, Some(transfer)).into(), Instant::now());
+            }
+            Err(error) => self.work.error = Some(error.into()),
+        }
+    }
+
+    fn save_transfer(&mut self, path: &Path) {
+        let Some(doc) = &self.work.doc else { return };
+        let Some((id, image)) = self.work.world.context(doc) else { return };
+        match transfer_file::save(path, &transfer_of(doc, id, image)) {
+            Ok(()) => self.work.notice = Some("Transfer function written.".into()),
+            Err(error) => self.work.error = Some(error.into()),
         }
     }
 

@@ -4,9 +4,10 @@ use std::sync::Arc;
 
 use super::{
     ImageLook,
+    tables::Tables,
     transfer::TransferFunction,
     uniforms::{self, Context, FieldShape},
-    volume::{BRICK, ContextVolume, Field, Tables},
+    volume::{BRICK, ContextVolume, Field},
 };
 use crate::device::{Gpu, RenderError};
 
@@ -112,7 +113,7 @@ impl ImageBuffers {
         &self.visible
     }
 
-    /// Colours and opacities by value.
+    /// Colours and opacities by value, or by value and gradient magnitude.
     pub fn table(&self) -> &wgpu::Buffer {
         &self.table
     }

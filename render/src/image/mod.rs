@@ -1,6 +1,7 @@
 //! The context image (anatomy): prepared for ray casting, its transfer function, and both on the device.
 
 pub(crate) mod buffers;
+pub(crate) mod tables;
 pub mod transfer;
 pub(crate) mod uniforms;
 pub mod volume;
@@ -10,7 +11,8 @@ use glioscope_core::optics::Camera;
 use serde::{Deserialize, Serialize};
 
 pub use transfer::{
-    ControlPoint, GradientHistogram, GradientPoint, TransferFunction, TransferPreset, ValueHistogram,
+    ControlPoint, Form, GradientHistogram, GradientPoint, Shape, TransferFunction, TransferPreset,
+    ValueHistogram,
 };
 pub use volume::ContextVolume;
 
@@ -18,7 +20,7 @@ use crate::device::PassName;
 
 /// Ray march through the image.
 pub(crate) const CONTEXT: PassName = PassName::new("context");
-/// Opacity by gradient magnitude: part of that pass, not timed separately.
+/// Colour and opacity by gradient magnitude: part of that pass, not timed separately.
 pub(crate) const GRADIENT_OPACITY: PassName = PassName::new("gradient_opacity");
 
 /// The most clipping planes of a scene.

@@ -5,7 +5,8 @@ use glam::DVec4;
 
 use super::{
     ImageLook, MOST_CLIP_PLANES,
-    volume::{ContextVolume, Field, Tables},
+    tables::Tables,
+    volume::{ContextVolume, Field},
 };
 use crate::{scene::Quality, solid::view::index_axes};
 
@@ -106,8 +107,8 @@ pub(crate) fn context(
         clips,
         pad: 0,
         cut_fade_mm: volume.cut_fade_mm() as f32,
-        table_last: tables.colors.len() as u32 - 1,
-        factor_last: tables.factors.len() as u32 - 1,
+        table_last: tables.columns as u32 - 1,
+        factor_last: tables.rows as u32 - 1,
         unused: 0,
     }
 }

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use crate::{
     flat::{self, PreparedContext},
-    image::transfer::{GradientHistogram, TransferFunction, ValueHistogram},
+    image::transfer::{GradientHistogram, ValueHistogram},
 };
 
 /// Cells of interpolation (between voxel centres) along a brick's side.
@@ -189,114 +189,4 @@ fn halved(grid: &Grid, value: impl Fn(usize) -> f32 + Sync) -> Option<(Grid, Vec
         })
         .collect();
     Some((coarse, values))
-}
-
-/// A transfer function as tables over stored values, and the bricks in which it makes anything visible.
-#[derive(Clone)]
-pub(crate) struct Tables {
-    /// Red, green, blue, opacity of 1 mm, at equidistant values.
-    pub colors: Vec<[f32; 4]>,
-    /// Scale and offset from stored values to positions in `colors`.
-    pub color_place: (f64, f64),
-    /// Factors of the opacity, at equidistant gradient magnitudes.
-    pub factors: Vec<f32>,
-    /// Scale and offset from gradients of stored values per mm to positions in `factors`.
-    pub factor_place: (f64, f64),
-    /// A bit per brick.
-    pub visible: Vec<u32>,
-    /// Whether the opacity depends on the gradient.
-    pub two_d: bool,
-}
-
-/// Numbers of entries of the tables.
-const COLORS: usize = 2048;
-const FACTORS: usize = 512;
-
-/// First of `n` equidistant positions and their distance, covering `low..=high` with one to spare on either side.
-fn positions(low: f64, high: f64, n: usize) -> (f64, f64) {
-    let smallest = 1e-9 * low.abs().max(high.abs()).max(1e-30);
-    let distance = ((high - low).max(smallest)) / (n - 3) as f64;
-    (low - distance, distance)
-}
-
-impl Tables {
-    pub fn of(transfer: &TransferFunction, scale: (f64, f64), ranges: &[[f32; 2]]) -> Self {
-        let ends = |v: &mut dyn Iterator<Item = f64>| {
-            v.fold((f64::INFINITY, f64::NEG_INFINITY), |r, x| (r.0.min(x), r.1.max(x)))
-        };
-        let (first, last) = ends(&mut transfer.points().iter().map(|p| p.value));
-        let (start, distance) = positions(first, last, COLORS);
-        let colors = (0..COLORS)
-            .map(|i| {
-                let ([r, g, b], a) = transfer.opacity_at(start + distance * i as f64);
-                [r, g, b, a].map(|x| x as f32)
-            })
-            .collect();
-        let color_place = (scale.1 / distance, (scale.0 - start) / distance);
-        let (low, high) =
-            transfer.gradient().map_or((0.0, 1.0), |points| ends(&mut points.iter().map(|p| p.gradient)));
-        let (factor_start, factor_distance) = positions(low, high, FACTORS);
-        let factors = (0..FACTORS)
-            .map(|i| transfer.gradient_factor(factor_start + factor_distance * i as f64) as f32)
-            .collect();
-        let factor_place = (scale.1 / factor_distance, -factor_start / factor_distance);
-        // A table lookup is a mean of the function within one table distance of the value. Stored values are rounded,
-        // too.
-        let margin = distance + 1e-6 * scale.1;
-        let mut visible = vec![0u32; ranges.len().div_ceil(32).max(1)];
-        for (b, [low, high]) in ranges.iter().enumerate() {
-            let value = |stored: f32| scale.0 + scale.1 * f64::from(stored);
-            if low <= high && transfer.max_opacity(value(*low) - margin, value(*high) + margin) > 0.0 {
-                visible[b / 32] |= 1 << (b % 32);
-            }
-        }
-        let two_d = transfer.gradient().is_some();
-        Self { colors, color_place, factors, factor_place, visible, two_d }
-    }
-
-    /// The pipeline constant of lib/image for `two_d`.
-    pub fn gradient_counts(&self) -> (&'static str, f64) {
-        ("gradient_counts", f64::from(u8::from(self.two_d)))
-    }
-
-    /// Extinction per millimetre at a voxel's centre, as in lib/image; 0 where the image is not finite.
-    pub fn extinction_at(&self, field: &Field, cell: [usize; 3]) -> f64 {
-        let dims = field.grid.dims();
-        let value =
-            |cell: [usize; 3]| field.values.get(field.grid.linear(cell)).copied().unwrap_or(NOT_FINITE);
-        let own = value(cell);
-        if own <= NOT_FINITE {
-            return 0.0;
-        }
-        let between = |table: &dyn Fn(usize) -> f32, len: usize, place: f64| {
-            let x = place.clamp(0.0, (len - 1) as f64);
-            let low = (x as usize).min(len.saturating_sub(2));
-            let (a, b) = (f64::from(table(low)), f64::from(table(low + 1)));
-            a + (b - a) * (x - low as f64)
-        };
-        let (scale, offset) = self.color_place;
-        let place = f64::from(own) * scale + offset;
-        let mut opacity = between(&|i| self.colors[i][3], self.colors.len(), place);
-        if self.two_d && opacity > 0.0 {
-            let axis = |a: usize| {
-                let at = |c: usize| {
-                    let mut there = cell;
-                    there[a] = c;
-                    f64::from(value(there))
-                };
-                let (low, high) = (cell[a].saturating_sub(1), (cell[a] + 1).min(dims[a] - 1));
-                // Edge voxels extend: the distance is two voxels there too.
-                0.5 * (at(high) - at(low))
-            };
-            let difference = DVec3::new(axis(0), axis(1), axis(2));
-            let steepness = (field.grid.voxel_from_world().matrix3.transpose() * difference).length();
-            let (scale, offset) = self.factor_place;
-            opacity *= if steepness < 1e9 {
-                between(&|i| self.factors[i], self.factors.len(), steepness * scale + offset)
-            } else {
-                0.0
-            };
-        }
-        -(1.0 - opacity).max(1e-30).ln()
-    }
 }

@@ -9,7 +9,7 @@ struct Context {
     up: vec3<f32>,
     table_offset: f32,
     forward: vec3<f32>,
-    factor_scale: f32,           // from gradients of stored values per mm to positions in `factors`
+    factor_scale: f32,           // from gradients of stored values per mm to positions in `factors`, or to rows of `table`
     dims: vec3<u32>,
     factor_offset: f32,
     bricks: vec3<u32>,
@@ -30,6 +30,8 @@ const TWO_D = 2u;
 
 // Whether the pipeline evaluates gradients at all: Mesa's software driver executes both sides of a branch.
 override gradient_counts: bool = true;
+// Whether colour and opacity are looked up by value and gradient magnitude together.
+override joint: bool = false;
 
 // Stored values are 0 to 1; one that isn't finite is stored far below, and so are interpolated values near it.
 const NOT_FINITE = -0.5;
@@ -117,6 +119,20 @@ fn looked_up(value: f32) -> vec4<f32> {
     return mix(table[i], table[i + 1u], x - f32(i));
 }
 
+// The table's rows belong to gradient magnitudes then, and its colours are multiplied by the opacity.
+fn looked_up_jointly(value: f32, gradient: f32) -> vec4<f32> {
+    let last = vec2<u32>(context.table_last, context.factor_last);
+    let place = vec2<f32>(
+        value * context.table_scale + context.table_offset, gradient * context.factor_scale + context.factor_offset);
+    let x = clamp(place, vec2<f32>(0.0), vec2<f32>(last));
+    let i = min(vec2<u32>(x), last - 1u);
+    let w = x - vec2<f32>(i);
+    let lower = i.y * (last.x + 1u) + i.x;
+    let upper = lower + last.x + 1u;
+    let found = mix(mix(table[lower], table[lower + 1u], w.x), mix(table[upper], table[upper + 1u], w.x), w.y);
+    return vec4<f32>(found.rgb / max(found.a, 1e-20), found.a);
+}
+
 fn factor_of(gradient: f32) -> f32 {
     let x = clamp(gradient * context.factor_scale + context.factor_offset, 0.0, f32(context.factor_last));
     let i = min(u32(x), context.factor_last - 1u);
@@ -132,14 +148,18 @@ fn shows_anything(place: Place) -> bool {
     return ((flags() & NO_SKIPPING) != 0u) | is_visible(place.cell >> vec3<u32>(3u));
 }
 
-// Colour, and opacity of 1 mm, in a visible brick; 2-D transfer functions scale the opacity by the gradient
-// magnitude.
+// Colour, and opacity of 1 mm, in a visible brick.
 fn material_of(place: Place) -> vec4<f32> {
     let stride = vec3<u32>(1u, context.dims.x, context.dims.x * context.dims.y);
     let to_next = select(vec3<u32>(0u), stride, context.dims > vec3<u32>(1u));
     let here = dot(place.cell, stride);
     let corners = corners_at(here, to_next);
     let value = weighed(across(corners.low, place.weight.xy), across(corners.high, place.weight.xy), place.weight.z);
+    if joint {
+        let steepness = length(gradient_at(place, here, to_next, corners));
+        let known = (value > NOT_FINITE) & (steepness < TOO_STEEP);
+        return select(vec4<f32>(0.0), looked_up_jointly(value, steepness), known);
+    }
     var material = select(vec4<f32>(0.0), looked_up(value), value > NOT_FINITE);
     if gradient_counts && (varied(context.flags) & TWO_D) != 0u && material.a > 0.0 {
         let steepness = length(gradient_at(place, here, to_next, corners));

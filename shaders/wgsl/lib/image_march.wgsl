@@ -82,11 +82,18 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             let here = dot(place.cell, stride);
             let corners = corners_at(here, to_next);
             let value = weighed(across(corners.low, place.weight.xy), across(corners.high, place.weight.xy), place.weight.z);
-            var material = looked_up(value);
+            var gradient = vec3<f32>(0.0);
+            var material: vec4<f32>;
+            if joint {
+                gradient = gradient_at(place, here, to_next, corners);
+                let steepness = length(gradient);
+                material = select(vec4<f32>(0.0), looked_up_jointly(value, steepness), steepness < TOO_STEEP);
+            } else {
+                material = looked_up(value);
+            }
             // Jitter may leave the first segment without length.
             if value > NOT_FINITE && material.a > 0.0 && begin < end {
-                var gradient = vec3<f32>(0.0);
-                if WANTS_GRADIENT || gradient_counts && two_d {
+                if !joint && (WANTS_GRADIENT || gradient_counts && two_d) {
                     gradient = gradient_at(place, here, to_next, corners);
                     let steepness = length(gradient);
                     let unknown = !(steepness < TOO_STEEP);

@@ -46,6 +46,7 @@ mod ui_masks;
 mod ui_places;
 mod ui_response;
 mod ui_tracts;
+mod ui_transfer;
 mod ui_views;
 
 /// The program, built for tests.

@@ -19,7 +19,10 @@ use glioscope_core::{
     response::Criterion,
     sample,
 };
-use glioscope_tests::{error_text, issue, perform, run, wait_for_workers, window_on, write_cube, write_tck};
+use glioscope_render::{TransferForm, TransferPreset, TransferShape};
+use glioscope_tests::{
+    doc, error_text, issue, perform, run, wait_for_workers, window_on, write_cube, write_tck,
+};
 use serde_json::Value;
 use strum::VariantArray;
 use tempfile::TempDir;
@@ -44,9 +47,10 @@ pub const ANSWERS: [(&str, Outputs); 10] = [
 ];
 
 /// Likewise: what is drawn, exported from the window and written in reports.
-pub const WRITTEN: [(&str, Outputs); 6] = [
+pub const WRITTEN: [(&str, Outputs); 7] = [
     ("numbers", numbers),
     ("lines", lines),
+    ("transfer", transfers),
     ("stats", stats),
     ("recipe", recipes),
     ("cohort-status", |made| cohort(made)[..2].to_vec()),
@@ -377,6 +381,34 @@ fn numbers(made: &Made) -> Vec<Value> {
 
 fn lines(made: &Made) -> Vec<Value> {
     vec![exported(made, CaseRef::Sample, &AppCommand::ExportRulersTo, false)]
+}
+
+/// The transfer functions that the window writes: of points alone, with a factor by gradients, with each form.
+fn transfers(made: &Made) -> Vec<Value> {
+    let path = made.0.path().join("a.transfer.json");
+    let mut harness = window_on(CaseRef::Sample, [800.0, 600.0], egui::Theme::Light);
+    let (id, statistics) = {
+        let world = &harness.state().work.world;
+        let (id, image) = world.context(doc(&harness)).unwrap();
+        (id.to_owned(), image.histogram().clone())
+    };
+    let presets = [TransferPreset::MrTissue, TransferPreset::MrBorders, TransferPreset::CtBoneShapes];
+    let mut functions: Vec<_> = presets.iter().map(|preset| preset.transfer(&statistics)).collect();
+    let form = TransferForm::Blob {
+        value: 0.5,
+        gradient_per_mm: 0.5,
+        value_deviation: 0.25,
+        gradient_deviation_per_mm: 0.25,
+    };
+    let mut blob = functions[0].clone();
+    blob.set_shapes(Some(vec![TransferShape { form, color: [1, 2, 3], opacity: 0.5 }])).unwrap();
+    functions.push(blob);
+    let write = |transfer| {
+        perform(&mut harness, EditCommand::SetTransfer(id.clone(), Some(transfer)));
+        issue(&mut harness, AppCommand::SaveTransferTo(path.clone()));
+        serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap()
+    };
+    functions.into_iter().map(write).collect()
 }
 
 /// What the window exports of a case with a line and a hidden region.

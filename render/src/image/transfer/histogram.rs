@@ -106,7 +106,7 @@ impl GradientHistogram {
         let dims = grid.dims();
         let highest_gradient = 0.5 * (range.1 - range.0) / grid.spacing_mm().min_element();
         let scale = Self::BINS as f64 / (range.1 - range.0);
-        let gradient_scale = Self::BINS as f64 / highest_gradient;
+        let gradient_scale = (Self::BINS * Self::BINS) as f64 / highest_gradient;
         let mm_gradient = mm_from_index_gradient(grid);
         let last = Self::BINS - 1;
         let empty = || vec![0u64; Self::BINS * Self::BINS];
@@ -129,7 +129,7 @@ impl GradientHistogram {
                         mm_gradient(DVec3::new(difference(0), difference(1), difference(2))).length();
                     if gradient.is_finite() {
                         let column = (((value - range.0) * scale) as usize).min(last);
-                        let row = ((gradient * gradient_scale) as usize).min(last);
+                        let row = ((gradient * gradient_scale).sqrt() as usize).min(last);
                         counts[row * Self::BINS + column] += 1;
                     }
                 }
@@ -152,8 +152,8 @@ impl GradientHistogram {
         self.highest_gradient
     }
 
-    /// Voxel counts: [`GradientHistogram::BINS`] rows of as many bins, gradient increasing from row to row,
-    /// value along each row.
+    /// Voxel counts: [`GradientHistogram::BINS`] rows of as many bins, gradient increasing from row to row by equal
+    /// steps of its square root (most voxels have small ones), value along each row.
     pub fn counts(&self) -> &[u64] {
         &self.counts
     }

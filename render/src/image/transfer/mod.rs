@@ -1,10 +1,12 @@
 //! Transfer functions of the context view: colour and opacity of each value (thesis 7.3.2).
 //!
-//! Uses no device and no window. Values are in the image's own units, gradients in these per
+//! 1-D: points over values, whose opacity a factor may scale by gradient magnitude. 2-D: shapes over values and gradient
+//! magnitudes. Uses no device and no window. Values are in the image's own units, gradients in these per
 //! millimetre, opacities per millimetre of material.
 
 mod histogram;
 mod preset;
+mod shape;
 #[cfg(test)]
 mod tests;
 
@@ -12,6 +14,7 @@ use serde::{Deserialize, Serialize};
 
 pub use histogram::{GradientHistogram, ValueHistogram};
 pub use preset::TransferPreset;
+pub use shape::{Form, Shape};
 
 use crate::scene::Rgb;
 
@@ -59,6 +62,24 @@ pub enum TransferError {
         /// The valid range.
         expected: &'static str,
     },
+    /// A number of a shape is NaN, infinite, or out of its range.
+    #[error("transfer function: found {found} as {what} of shape {number}, expected {expected}")]
+    Shape {
+        /// Which number.
+        what: &'static str,
+        /// Index of the shape, from 0.
+        number: usize,
+        /// The invalid number.
+        found: f64,
+        /// The valid range.
+        expected: &'static str,
+    },
+    /// Too many shapes.
+    #[error("transfer function: found {found} shapes, expected at most {}", TransferFunction::MOST_SHAPES)]
+    Many {
+        /// How many there are.
+        found: usize,
+    },
     /// A point is below its predecessor.
     #[error(
         "transfer function: found {found} as {what} of point {number} after {before}, expected rising ones"
@@ -75,28 +96,38 @@ pub enum TransferError {
     },
 }
 
-/// Colour and opacity of values, piecewise linear. Valid by construction: at least two control
-/// points, in ascending order (equal values make a step), every number finite and in its range.
+/// Colour and opacity of values, piecewise linear; or with shapes, of values and gradient magnitudes, the points then
+/// being kept without effect. Valid by construction: at least two control points, in ascending order (equal values make a
+/// step), every number finite and in its range.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Stored")]
 pub struct TransferFunction {
     points: Vec<ControlPoint>,
     gradient: Option<Vec<GradientPoint>>,
+    shapes: Option<Vec<Shape>>,
 }
 
 /// As deserialized, not yet checked.
 #[derive(Deserialize)]
 struct Stored {
+    /// May be absent where there are shapes.
+    #[serde(default)]
     points: Vec<ControlPoint>,
     #[serde(default)]
     gradient: Option<Vec<GradientPoint>>,
+    #[serde(default)]
+    shapes: Option<Vec<Shape>>,
 }
 
 impl TryFrom<Stored> for TransferFunction {
     type Error = TransferError;
 
     fn try_from(stored: Stored) -> Result<Self, TransferError> {
-        Self::new(stored.points, stored.gradient)
+        let absent = stored.points.is_empty() && stored.shapes.is_some();
+        let points = if absent { Self::transparent().points } else { stored.points };
+        let mut transfer = Self::new(points, stored.gradient)?;
+        transfer.set_shapes(stored.shapes)?;
+        Ok(transfer)
     }
 }
 
@@ -147,8 +178,11 @@ fn check_fractions(what: &'static str, values: impl Iterator<Item = f64>) -> Res
 }
 
 impl TransferFunction {
-    /// A function through `points`; `gradient` makes it a 2-D one, with `None` the opacity doesn't depend on
-    /// gradient magnitudes (and these aren't computed).
+    /// The most shapes of a function.
+    pub const MOST_SHAPES: usize = 64;
+
+    /// A function through `points`, without shapes; `gradient` scales the opacity by gradient magnitude, with `None` it
+    /// doesn't depend on that (and it isn't computed).
     ///
     /// # Errors
     /// [`TransferError`] for fewer than two points, descending values, and numbers not finite or out of
@@ -163,13 +197,13 @@ impl TransferFunction {
         check_ascending("value", points.iter().map(|p| p.value))?;
         check_fractions("opacity", points.iter().map(|p| p.opacity))?;
         check_gradient(gradient.as_deref())?;
-        Ok(Self { points, gradient })
+        Ok(Self { points, gradient, shapes: None })
     }
 
     /// The transparent function, of a scene without an image.
     pub fn transparent() -> Self {
         let point = |value| ControlPoint { value, color: [0; 3], opacity: 0.0 };
-        Self { points: vec![point(0.0), point(1.0)], gradient: None }
+        Self { points: vec![point(0.0), point(1.0)], gradient: None, shapes: None }
     }
 
     /// The control points, in ascending order; at least two.
@@ -177,12 +211,37 @@ impl TransferFunction {
         &self.points
     }
 
-    /// The points over gradient magnitude; `None` for a 1-D function.
+    /// The points over gradient magnitude; `None` where these have no effect on the points' opacity.
     pub fn gradient(&self) -> Option<&[GradientPoint]> {
         self.gradient.as_deref()
     }
 
-    /// Makes it a 2-D function, or with `None` a 1-D one. Unchanged after an error.
+    /// The shapes over values and gradient magnitudes; `None` where the points count. Without a single shape everything
+    /// is transparent.
+    pub fn shapes(&self) -> Option<&[Shape]> {
+        self.shapes.as_deref()
+    }
+
+    /// Replaces the shapes; with `None` the points count. Unchanged after an error.
+    ///
+    /// # Errors
+    /// [`TransferError`] for more than [`TransferFunction::MOST_SHAPES`], and numbers not finite or out of their range.
+    pub fn set_shapes(&mut self, shapes: Option<Vec<Shape>>) -> Result<(), TransferError> {
+        let list = shapes.as_deref().unwrap_or_default();
+        if list.len() > Self::MOST_SHAPES {
+            return Err(TransferError::Many { found: list.len() });
+        }
+        list.iter().enumerate().try_for_each(|(number, shape)| shape.check(number))?;
+        self.shapes = shapes;
+        Ok(())
+    }
+
+    /// Whether anything depends on gradient magnitudes: by shapes or by a factor.
+    pub fn uses_gradient(&self) -> bool {
+        self.shapes.is_some() || self.gradient.is_some()
+    }
+
+    /// Sets the factor over gradient magnitude of the points' opacity, none with `None`. Unchanged after an error.
     ///
     /// # Errors
     /// As [`TransferFunction::new`].
@@ -232,11 +291,14 @@ impl TransferFunction {
 
     /// Whether the opacity is 0 everywhere.
     pub fn is_transparent(&self) -> bool {
+        if let Some(shapes) = &self.shapes {
+            return shapes.iter().all(|shape| shape.opacity == 0.0);
+        }
         self.points.iter().all(|p| p.opacity == 0.0)
             || self.gradient.as_ref().is_some_and(|g| g.iter().all(|p| p.factor == 0.0))
     }
 
-    /// Colour (0 to 1, gamma-encoded sRGB) and opacity of 1 mm at a value, whatever the gradient.
+    /// Colour (0 to 1, gamma-encoded sRGB) and opacity of 1 mm that the points have at a value, whatever the gradient.
     pub(crate) fn opacity_at(&self, value: f64) -> ([f64; 3], f64) {
         let (a, b, w) = place(self.points.len(), |i| self.points[i].value, value);
         let (a, b) = (&self.points[a], &self.points[b]);
@@ -245,7 +307,7 @@ impl TransferFunction {
         (color, mix(a.opacity, b.opacity))
     }
 
-    /// Factor of the opacity at a gradient magnitude; 1 for a 1-D function.
+    /// Factor of the points' opacity at a gradient magnitude; 1 without any.
     pub fn gradient_factor(&self, gradient: f64) -> f64 {
         let Some(points) = &self.gradient else { return 1.0 };
         if gradient.is_nan() {
@@ -261,11 +323,14 @@ impl TransferFunction {
         if !value.is_finite() {
             return ([0.0; 3], 0.0);
         }
+        if let Some(shapes) = &self.shapes {
+            return shape::sample(shapes, value, gradient);
+        }
         let (color, opacity) = self.opacity_at(value);
         (color, opacity * self.gradient_factor(gradient))
     }
 
-    /// The largest opacity (before the gradient's factor) of any value in `low..=high`: the maximum over
+    /// The largest opacity of the points (before the gradient's factor) of any value in `low..=high`: the maximum over
     /// the ends and the control points between, exact as the function is linear between these. 0 for
     /// an empty range.
     pub fn max_opacity(&self, low: f64, high: f64) -> f64 {

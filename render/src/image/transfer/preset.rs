@@ -2,7 +2,7 @@
 
 use crate::{
     flat,
-    image::transfer::{ControlPoint, GradientPoint, TransferFunction},
+    image::transfer::{ControlPoint, Form, GradientPoint, Shape, TransferFunction},
     scene::{Rgb, keywords::keywords},
 };
 
@@ -25,6 +25,16 @@ keywords! {
         PetHot,
         /// PET: the whole body as a faint haze, hot spots dense.
         PetBody,
+        /// Contrast-enhanced T1: the borders of what enhances, of ventricles and of skin, by shapes.
+        T1cShapes,
+        /// FLAIR: the borders of what is bright (oedema), and of the head, by shapes.
+        FlairShapes,
+        /// CT: bone, its dense middle apart from its surface, by shapes.
+        CtBoneShapes,
+        /// CT with contrast agent: vessels apart from bone by how steep their borders are, by shapes.
+        CtVesselShapes,
+        /// PET: cores of hot spots within their translucent borders, by shapes.
+        PetShapes,
     }
 }
 
@@ -43,6 +53,11 @@ impl TransferPreset {
             Self::CtBone => "CT bone",
             Self::PetHot => "PET hot spots",
             Self::PetBody => "PET body",
+            Self::T1cShapes => "T1c (2-D shapes)",
+            Self::FlairShapes => "FLAIR (2-D shapes)",
+            Self::CtBoneShapes => "CT bone (2-D shapes)",
+            Self::CtVesselShapes => "CT vessels (2-D shapes)",
+            Self::PetShapes => "PET (2-D shapes)",
         }
     }
 
@@ -59,6 +74,23 @@ impl TransferPreset {
         }
     }
 
+    /// The initial preset of shapes: as [`TransferPreset::first_for`]; MR whose name says FLAIR counts as such, anything
+    /// else as contrast-enhanced T1.
+    pub fn first_shapes_for(statistics: &flat::Histogram, name: &str) -> Self {
+        let name_lower = name.to_ascii_lowercase();
+        match Self::first_for(statistics, name) {
+            Self::PetHot => Self::PetShapes,
+            Self::CtSkin => Self::CtBoneShapes,
+            _ if ["fla", "flair"]
+                .iter()
+                .any(|flair| name_lower.starts_with(flair) || name_lower.ends_with(flair)) =>
+            {
+                Self::FlairShapes
+            }
+            _ => Self::T1cShapes,
+        }
+    }
+
     /// The function for an image with these statistics. CT presets are in Hounsfield units for any image;
     /// the others follow the percentiles. For an image without a finite value the range is 0 to 1, for a
     /// constant one a range of 1 around its value.
@@ -69,6 +101,10 @@ impl TransferPreset {
             None => (0.0, 1.0),
         };
         let width = high - low;
+        if let Some(shapes) = self.shapes(low, width) {
+            // Whoever turns shapes off finds points for the same kind of image.
+            return TransferFunction { shapes: Some(shapes), ..self.without_shapes().transfer(statistics) };
+        }
         // Shares of the range between the percentiles, as values.
         let scaled = |rows: &[Row]| -> Vec<Row> {
             // Background values are below the first row, where opacity is 0: they must stay invisible.
@@ -145,7 +181,12 @@ impl TransferPreset {
                 ]),
                 None,
             ),
-            Self::PetBody => build(
+            Self::PetBody
+            | Self::T1cShapes
+            | Self::FlairShapes
+            | Self::CtBoneShapes
+            | Self::CtVesselShapes
+            | Self::PetShapes => build(
                 &scaled(&[
                     (0.04, [70, 84, 120], 0.0),
                     (0.12, [96, 112, 150], 0.012),
@@ -157,6 +198,104 @@ impl TransferPreset {
             ),
         }
     }
+
+    /// The preset whose points one with shapes has beside them; other presets themselves.
+    fn without_shapes(self) -> Self {
+        match self {
+            Self::T1cShapes | Self::FlairShapes => Self::MrBorders,
+            Self::CtBoneShapes => Self::CtBone,
+            Self::CtVesselShapes => Self::CtSoft,
+            Self::PetShapes => Self::PetHot,
+            other => other,
+        }
+    }
+
+    /// The shapes of a preset that has some, for an image whose percentiles begin at `low` and are `width` apart.
+    /// Gradient magnitudes of MR and PET are shares of that width per millimetre.
+    fn shapes(self, low: f64, width: f64) -> Option<Vec<Shape>> {
+        let (at, per_mm) = (|share: f64| low + share * width, |share: f64| share * width);
+        let same = |hounsfield: f64| hounsfield;
+        let (mr, ct): (Units<'_>, Units<'_>) = ((&at, &per_mm), (&same, &same));
+        let shapes = match self {
+            // What takes up contrast agent and is wide enough to have a middle of small gradients: the tumour, but no
+            // vessel. Vessels and borders are faint, the brain's surface fainter.
+            Self::T1cShapes => vec![
+                trapezoid(mr, [0.0, 0.085], [1.1, 1.36], [1.1, 1.36], 0.3, [225, 70, 45], 0.6),
+                trapezoid(mr, [0.08, 0.35], [1.08, 1.5], [0.94, 2.2], 0.4, [245, 190, 110], 0.12),
+                blob(mr, (0.5, 0.45), (0.16, 0.14), [120, 145, 190], 0.05),
+            ],
+            Self::FlairShapes => vec![
+                trapezoid(mr, [0.0, 0.12], [1.08, 1.6], [1.08, 1.6], 0.3, [60, 165, 160], 0.4),
+                trapezoid(mr, [0.1, 0.4], [1.1, 1.4], [1.0, 1.9], 0.4, [240, 205, 120], 0.05),
+                blob(mr, (0.45, 0.42), (0.14, 0.14), [130, 140, 170], 0.05),
+            ],
+            Self::CtBoneShapes => vec![
+                rectangle(ct, [320.0, 3000.0], [0.0, 200.0], 0.3, [255, 246, 226], 0.6),
+                trapezoid(ct, [100.0, 600.0], [130.0, 350.0], [200.0, 1800.0], 0.4, [222, 180, 135], 0.3),
+            ],
+            Self::CtVesselShapes => vec![
+                blob(ct, (260.0, 30.0), (45.0, 30.0), [215, 50, 40], 0.5),
+                trapezoid(ct, [0.0, 500.0], [450.0, 3000.0], [300.0, 3000.0], 0.2, [250, 240, 220], 0.06),
+                blob(ct, (-450.0, 330.0), (150.0, 90.0), [200, 150, 125], 0.03),
+            ],
+            Self::PetShapes => vec![
+                rectangle(mr, [0.95, 6.0], [0.0, 0.4], 0.3, [255, 225, 130], 0.7),
+                trapezoid(mr, [0.02, 0.3], [0.45, 0.7], [0.35, 2.5], 0.4, [215, 60, 35], 0.06),
+                rectangle(mr, [0.04, 0.35], [0.004, 0.15], 0.6, [95, 115, 160], 0.012),
+            ],
+            _ => return None,
+        };
+        Some(shapes)
+    }
+}
+
+/// From a preset's units to image units, of values and of gradient magnitudes.
+type Units<'a> = (&'a dyn Fn(f64) -> f64, &'a dyn Fn(f64) -> f64);
+
+fn rectangle(
+    of: Units<'_>,
+    values: [f64; 2],
+    gradients: [f64; 2],
+    soft: f64,
+    color: Rgb,
+    opacity: f64,
+) -> Shape {
+    let form = Form::Box { values: values.map(of.0), gradients_per_mm: gradients.map(of.1), soft };
+    Shape { form, color, opacity }
+}
+
+fn trapezoid(
+    of: Units<'_>,
+    gradients: [f64; 2],
+    lower: [f64; 2],
+    upper: [f64; 2],
+    soft: f64,
+    color: Rgb,
+    opacity: f64,
+) -> Shape {
+    let form = Form::Trapezoid {
+        gradients_per_mm: gradients.map(of.1),
+        lower_values: lower.map(of.0),
+        upper_values: upper.map(of.0),
+        soft,
+    };
+    Shape { form, color, opacity }
+}
+
+fn blob(
+    of: Units<'_>,
+    (value, gradient): (f64, f64),
+    (value_deviation, gradient_deviation): (f64, f64),
+    color: Rgb,
+    opacity: f64,
+) -> Shape {
+    let form = Form::Blob {
+        value: (of.0)(value),
+        gradient_per_mm: (of.1)(gradient),
+        value_deviation: (of.0)(value_deviation) - (of.0)(0.0),
+        gradient_deviation_per_mm: (of.1)(gradient_deviation),
+    };
+    Shape { form, color, opacity }
 }
 
 /// Unchecked: the tables above are in order and in range, which a test verifies for all.
@@ -164,5 +303,6 @@ fn build(rows: &[Row], gradient: Option<[(f64, f64); 3]>) -> TransferFunction {
     TransferFunction {
         points: rows.iter().map(|&(value, color, opacity)| ControlPoint { value, color, opacity }).collect(),
         gradient: gradient.map(|g| g.map(|(gradient, factor)| GradientPoint { gradient, factor }).to_vec()),
+        shapes: None,
     }
 }

@@ -168,9 +168,10 @@ fn every_preset_is_valid_for_every_image() {
         let statistics = flat::Histogram::of(image);
         for preset in TransferPreset::VARIANTS {
             let f = preset.transfer(&statistics);
-            let checked =
-                TransferFunction::new(f.points().to_vec(), f.gradient().map(<[GradientPoint]>::to_vec));
-            assert_eq!(checked.as_ref(), Ok(&f), "{preset:?}");
+            let gradient = f.gradient().map(<[GradientPoint]>::to_vec);
+            let mut checked = TransferFunction::new(f.points().to_vec(), gradient).unwrap();
+            checked.set_shapes(f.shapes().map(<[Shape]>::to_vec)).unwrap();
+            assert_eq!(checked, f, "{preset:?}");
             assert!(!f.is_transparent());
             // Background is invisible.
             assert_eq!(f.sample(f.points()[0].value - 1.0, 0.0).1, 0.0, "{preset:?}");
@@ -181,6 +182,11 @@ fn every_preset_is_valid_for_every_image() {
     assert_eq!(first(&images[4], "planning"), TransferPreset::CtSkin);
     assert_eq!(first(&images[0], "sub-1_FDG-pet"), TransferPreset::PetHot);
     assert_eq!(first(&images[0], "petra"), TransferPreset::MrSurface);
+    let shapes = |image: &Volume, name| TransferPreset::first_shapes_for(&flat::Histogram::of(image), name);
+    assert_eq!(shapes(&images[0], "T1c"), TransferPreset::T1cShapes);
+    assert_eq!(shapes(&images[0], "sub-1_FLAIR"), TransferPreset::FlairShapes);
+    assert_eq!(shapes(&images[4], "planning"), TransferPreset::CtBoneShapes);
+    assert_eq!(shapes(&images[0], "FDG"), TransferPreset::PetShapes);
 }
 
 #[test]
@@ -213,7 +219,7 @@ fn gradients_are_per_millimetre() {
     let image = Volume::new(grid, Samples::F64(values), Scaling::NONE).unwrap();
     let h = GradientHistogram::of(&image, &flat::Histogram::of(&image));
     assert_eq!(h.counts().iter().sum::<u64>(), 720);
-    let row = (13f64.sqrt() / h.highest_gradient() * 128.0) as usize;
+    let row = ((13f64.sqrt() / h.highest_gradient()).sqrt() * 128.0) as usize;
     let inside: u64 = h.counts()[row * 128..(row + 1) * 128].iter().sum();
     assert_eq!(inside, 10 * 10 * 5);
 }
@@ -230,4 +236,173 @@ fn deserialized_functions_are_checked() {
     );
     let e = TransferFunction::deserialize(empty).unwrap_err().to_string();
     assert!(e.contains("0 control points"), "{e}");
+}
+
+fn of_shapes(shapes: Vec<Shape>) -> Result<TransferFunction, TransferError> {
+    let mut transfer = ramp();
+    transfer.set_shapes(Some(shapes)).map(|()| transfer)
+}
+
+fn shape(form: Form, opacity: f64) -> Shape {
+    Shape { form, color: [255, 0, 0], opacity }
+}
+
+const BLOB: Form =
+    Form::Blob { value: 10.0, gradient_per_mm: 2.0, value_deviation: 4.0, gradient_deviation_per_mm: 0.5 };
+
+/// Closed forms at chosen places: inside, on an edge, between, outside.
+#[test]
+fn weights_of_shapes_have_their_closed_forms() {
+    let hard = Form::Box { values: [10.0, 20.0], gradients_per_mm: [2.0, 4.0], soft: 0.0 };
+    for (value, gradient, weight) in
+        [(10.0, 2.0, 1.0), (20.0, 4.0, 1.0), (15.0, 3.0, 1.0), (9.99, 3.0, 0.0), (15.0, 4.01, 0.0)]
+    {
+        assert_eq!(hard.weight(value, gradient), weight, "{value} {gradient}");
+    }
+    let soft = Form::Box { values: [10.0, 20.0], gradients_per_mm: [0.0, 4.0], soft: 0.5 };
+    // It rises over 2.5 from each side of the values and over 1 from the upper edge, not from gradient 0.
+    for (value, gradient, weight) in
+        [(10.0, 1.0, 0.0), (11.25, 1.0, 0.5), (19.0, 0.0, 0.4), (15.0, 3.5, 0.5), (11.25, 3.5, 0.25)]
+    {
+        assert!((soft.weight(value, gradient) - weight).abs() < 1e-12, "{value} {gradient}");
+    }
+    let triangle = Form::Trapezoid {
+        gradients_per_mm: [1.0, 5.0],
+        lower_values: [10.0, 10.0],
+        upper_values: [6.0, 18.0],
+        soft: 0.0,
+    };
+    // Half way up it reaches from 8 to 14.
+    for (value, gradient, weight) in [
+        (10.0, 1.0, 1.0),
+        (8.0, 3.0, 1.0),
+        (14.0, 3.0, 1.0),
+        (7.9, 3.0, 0.0),
+        (14.1, 3.0, 0.0),
+        (10.0, 5.1, 0.0),
+    ] {
+        assert_eq!(triangle.weight(value, gradient), weight, "{value} {gradient}");
+    }
+    assert_eq!(BLOB.weight(10.0, 2.0), 1.0);
+    let rest = (-4.5f64).exp();
+    let expected = ((-0.5f64).exp() - rest) / (1.0 - rest);
+    assert!(
+        (BLOB.weight(14.0, 2.0) - expected).abs() < 1e-12
+            && (BLOB.weight(10.0, 1.5) - expected).abs() < 1e-12
+    );
+    assert!(BLOB.weight(21.999, 2.0) > 0.0 && BLOB.weight(21.999, 2.0) < 1e-4);
+    assert_eq!(BLOB.weight(22.0, 2.0), 0.0);
+    for form in [hard, soft, triangle, BLOB] {
+        assert_eq!((form.weight(f64::NAN, 2.0), form.weight(12.0, f64::NAN)), (0.0, 0.0));
+        // Nothing is outside the bounds.
+        let (values, gradients) = form.bounds();
+        for i in 0..4000 {
+            let at = |n: usize, [low, high]: [f64; 2]| low - 3.0 + noise([i, n, 0], 7) * (high - low + 6.0);
+            let (value, gradient) = (at(0, values), at(1, gradients));
+            let inside =
+                (values[0]..=values[1]).contains(&value) && (gradients[0]..=gradients[1]).contains(&gradient);
+            assert!(
+                inside || gradient < 0.0 || form.weight(value, gradient) == 0.0,
+                "{form:?} {value} {gradient}"
+            );
+        }
+    }
+}
+
+#[test]
+fn overlapping_shapes_mix_like_materials_in_any_order() {
+    let flat = Form::Box { values: [0.0, 30.0], gradients_per_mm: [0.0, 9.0], soft: 0.0 };
+    let red = shape(flat, 0.5);
+    let blue = Shape { color: [0, 0, 255], ..shape(flat, 0.25) };
+    let (color, opacity) = of_shapes(vec![red, blue]).unwrap().sample(15.0, 1.0);
+    // 1 − 0.5 · 0.75, and colours by two to one.
+    assert!((opacity - 0.625).abs() < 1e-12);
+    assert!((color[0] - 2.0 / 3.0).abs() < 1e-12 && (color[2] - 1.0 / 3.0).abs() < 1e-12, "{color:?}");
+    assert_eq!(of_shapes(vec![blue, red]).unwrap().sample(15.0, 1.0), (color, opacity));
+    let twice = of_shapes(vec![red, red]).unwrap();
+    assert!((twice.sample(15.0, 1.0).1 - 0.75).abs() < 1e-12);
+    assert_eq!(twice.sample(f64::NAN, 1.0).1, 0.0);
+    assert_eq!(twice.sample(15.0, f64::NAN).1, 0.0);
+    let none = of_shapes(Vec::new()).unwrap();
+    assert!(none.is_transparent() && none.uses_gradient() && none.sample(15.0, 0.0).1 == 0.0);
+    assert!(of_shapes(vec![shape(BLOB, 0.0)]).unwrap().is_transparent());
+    // Without shapes the points count again.
+    let mut back = twice;
+    back.set_shapes(None).unwrap();
+    assert_eq!(back, ramp());
+}
+
+#[test]
+fn invalid_shapes_are_rejected_with_the_offending_number() {
+    let boxed = |values, gradients_per_mm, soft| Form::Box { values, gradients_per_mm, soft };
+    let trapezoid = |lower_values, upper_values| Form::Trapezoid {
+        gradients_per_mm: [0.0, 1.0],
+        lower_values,
+        upper_values,
+        soft: 0.0,
+    };
+    let blob = |value_deviation, gradient_per_mm| Form::Blob {
+        value: 0.0,
+        gradient_per_mm,
+        value_deviation,
+        gradient_deviation_per_mm: 1.0,
+    };
+    for (form, opacity, expected) in [
+        (boxed([2.0, 1.0], [0.0, 1.0], 0.0), 0.5, "1 as values of shape 1, expected rising ones"),
+        (
+            boxed([0.0, f64::INFINITY], [0.0, 1.0], 0.0),
+            0.5,
+            "inf as values of shape 1, expected a finite number",
+        ),
+        (boxed([0.0, 1.0], [-1.0, 1.0], 0.0), 0.5, "-1 as gradients_per_mm of shape 1, expected at least 0"),
+        (boxed([0.0, 1.0], [0.0, 1.0], 1.5), 0.5, "1.5 as soft of shape 1, expected 0 to 1"),
+        (trapezoid([3.0, 2.0], [0.0, 1.0]), 0.5, "2 as lower_values of shape 1"),
+        (trapezoid([0.0, 1.0], [f64::NAN, 1.0]), 0.5, "NaN as upper_values of shape 1"),
+        (blob(0.0, 1.0), 0.5, "0 as value_deviation of shape 1, expected a finite number above 0"),
+        (blob(1.0, -2.0), 0.5, "-2 as gradient_per_mm of shape 1"),
+        (BLOB, 1.5, "1.5 as opacity of shape 1, expected 0 to 1"),
+    ] {
+        let error = of_shapes(vec![shape(BLOB, 1.0), shape(form, opacity)]).unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}");
+    }
+    let many = of_shapes(vec![shape(BLOB, 0.1); 65]).unwrap_err().to_string();
+    assert!(many.contains("65 shapes, expected at most 64"), "{many}");
+    assert!(of_shapes(vec![shape(BLOB, 0.1); 64]).is_ok());
+}
+
+/// Whatever is done to a form by its handles, it stays valid, and a handle goes to where it was put where that is allowed.
+#[test]
+fn moved_and_reshaped_forms_stay_valid() {
+    let forms = [
+        Form::Box { values: [10.0, 20.0], gradients_per_mm: [2.0, 4.0], soft: 0.5 },
+        Form::Trapezoid {
+            gradients_per_mm: [1.0, 5.0],
+            lower_values: [10.0, 10.0],
+            upper_values: [6.0, 18.0],
+            soft: 0.5,
+        },
+        BLOB,
+    ];
+    for form in forms {
+        let up = form.moved(3.0, 1.0);
+        assert!((up.weight(13.0, 3.0) - form.weight(10.0, 2.0)).abs() < 1e-12, "{form:?}");
+        let mut any = form.moved(-5.0, -100.0);
+        assert!(of_shapes(vec![shape(any, 0.5)]).is_ok() && any.handles().iter().all(|h| h[1] >= 0.0));
+        for i in 0..500 {
+            let number = i % form.handles().len();
+            let to = [noise([i, 0, 0], 3) * 60.0 - 20.0, noise([i, 1, 0], 3) * 12.0 - 3.0];
+            any = any.reshaped(number, to);
+            assert!(of_shapes(vec![shape(any, 0.5)]).is_ok(), "{any:?}");
+        }
+        assert_eq!(form.reshaped(99, [0.0, 0.0]), form);
+        assert_eq!(form.reshaped(0, [f64::NAN, 0.0]), form);
+    }
+    // The upper left corner of the box, and the blob's end to the right.
+    assert_eq!(forms[0].reshaped(2, [12.0, 9.0]).handles()[2], [12.0, 9.0]);
+    assert_eq!(forms[0].reshaped(2, [50.0, 1.0]).handles()[2], [20.0, 2.0], "edges don't cross");
+    assert_eq!(
+        forms[1].reshaped(3, [30.0, 7.0]).handles(),
+        [[10.0, 1.0], [10.0, 1.0], [6.0, 7.0], [30.0, 7.0]]
+    );
+    assert_eq!(forms[2].reshaped(0, [17.0, 8.0]).handles()[0], [17.0, 2.0]);
 }

@@ -8,7 +8,7 @@ use super::{cell_dispatches, grid::Cells, twin::ConeTwin};
 use crate::{
     ClipPlane, ContextRenderer, ContextScene,
     image::{buffers::ImageBuffers, volume::BRICK},
-    light::suite::{image_of, lit, scene, transfer},
+    light::suite::{image_of, lit, scene, shaped, transfer},
     scene::{LightSettings, LightingMode, Quality},
     solid::{SURFACE, view::FAR},
     testing::GPU,
@@ -21,13 +21,17 @@ pub(super) fn max_twin_error() -> f64 {
     let mut largest = 0.0f64;
     let clip = ClipPlane { normal: DVec3::new(0.6, -1.6, 1.0), offset_mm: 10.0 };
     let mut differing = (0, 0);
-    for (two_d, with_tumor, projection, cut) in [
-        (false, false, Projection::Perspective, false),
-        (false, true, Projection::Perspective, true),
-        (true, true, Projection::Orthographic, false),
-        (true, false, Projection::Orthographic, true),
+    for (two_d, by_shapes, with_tumor, projection, cut) in [
+        (false, false, false, Projection::Perspective, false),
+        (false, false, true, Projection::Perspective, true),
+        (true, false, true, Projection::Orthographic, false),
+        (true, false, false, Projection::Orthographic, true),
+        (true, true, true, Projection::Perspective, false),
     ] {
         let mut scene = scene(two_d, with_tumor, projection);
+        if by_shapes {
+            scene.transfer = shaped();
+        }
         scene.clip = if cut { vec![clip] } else { Vec::new() };
         for (aperture_deg, sub_cones, coarsest_level, cone_step, cell_mm) in [
             (60.0, 8, 3, 1.0, 4.0),
@@ -46,7 +50,7 @@ pub(super) fn max_twin_error() -> f64 {
             };
             let (worst, ambiguous, cells) = twin_error(&scene, &lighting);
             println!(
-                "2-D {two_d}, tumour {with_tumor}, {projection:?}, cut {cut}, {sub_cones} sub-cones to level \
+                "2-D {two_d}, shapes {by_shapes}, tumour {with_tumor}, {projection:?}, cut {cut}, {sub_cones} sub-cones to level \
                  {coarsest_level}: {worst:.2e} in {cells} cells, {ambiguous} ambiguous"
             );
             largest = largest.max(worst);

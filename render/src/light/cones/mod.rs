@@ -41,6 +41,7 @@ use crate::{
     image::{
         ContextVolume, MOST_CLIP_PLANES, TransferFunction,
         buffers::ImageBuffers,
+        tables::Dimensions,
         volume::{BRICK, Field},
     },
     scene::{LightSettings, LightingMode, Plan, Quality, same},
@@ -280,7 +281,7 @@ pub(super) fn cell_dispatches(cells: u32, is_software: bool) -> (Vec<u8>, Vec<Di
 struct ConeLight {
     image_layout: wgpu::BindGroupLayout,
     /// With and without gradients.
-    image_pipelines: Vec<(f64, wgpu::ComputePipeline)>,
+    image_pipelines: Vec<(Dimensions, wgpu::ComputePipeline)>,
     image_uniform: wgpu::Buffer,
     mask_uniform: wgpu::Buffer,
     grid_uniform: wgpu::Buffer,
@@ -446,7 +447,7 @@ impl ConeLight {
         let strength = scene.quality.strength();
         let grid = LightGrid { strength, ..grid_uniform(&held, scene.camera, scene.reference_mm) };
         gpu.queue.write_buffer(&self.grid_uniform, 0, bytemuck::bytes_of(&grid));
-        let pipeline = self.image_pipeline(gpu, buffers.tables().gradient_counts())?;
+        let pipeline = self.image_pipeline(gpu, buffers.tables().dimensions)?;
         let entries = [
             (0, scene.view.as_entire_binding()),
             (4, scene.depths.as_entire_binding()),
@@ -473,15 +474,15 @@ impl ConeLight {
     fn image_pipeline(
         &mut self,
         gpu: &Gpu,
-        gradient_counts: (&'static str, f64),
+        dimensions: Dimensions,
     ) -> Result<wgpu::ComputePipeline, RenderError> {
-        if let Some((_, pipeline)) = self.image_pipelines.iter().find(|(with, _)| *with == gradient_counts.1)
-        {
+        if let Some((_, pipeline)) = self.image_pipelines.iter().find(|(with, _)| *with == dimensions) {
             return Ok(pipeline.clone());
         }
-        let pipeline = compute_pipeline(gpu, "cones/image", Some(&self.image_layout), &[gradient_counts])?;
+        let pipeline =
+            compute_pipeline(gpu, "cones/image", Some(&self.image_layout), &dimensions.constants())?;
         gpu.check()?;
-        self.image_pipelines.push((gradient_counts.1, pipeline.clone()));
+        self.image_pipelines.push((dimensions, pipeline.clone()));
         Ok(pipeline)
     }
 

@@ -37,7 +37,7 @@ use crate::{
         pipelines::{BindingKind, bind_group_layout, compute_pipeline},
         runner::{Dispatch, PassRunner, workgroups_of},
     },
-    image::buffers::ImageBuffers,
+    image::{buffers::ImageBuffers, tables::Dimensions},
     scene::{LightSettings, LightingMode, Plan, Quality, SliceVariant},
     solid::view::{HAS_CONTEXT, HAS_OCCLUSION, LINEAR_LIGHT},
 };
@@ -172,7 +172,7 @@ struct PipelineKey {
     opaque_on_opaque: bool,
     /// Whether the eye's rays end at depths other than those of opaque geometry.
     ends_apart: bool,
-    uses_gradient: bool,
+    dimensions: Dimensions,
     is_empty: bool,
 }
 
@@ -349,7 +349,7 @@ impl SliceLight {
             opaque_transmits: false,
             opaque_on_opaque: false,
             ends_apart: false,
-            uses_gradient: false,
+            dimensions: Dimensions::Value,
             is_empty: false,
         };
         let whole = Rect::whole(scene.size).in_workgroups(scene.size);
@@ -370,7 +370,7 @@ impl SliceLight {
                     opaque_transmits: with_opaque && !mutual.opaque_on_image,
                     opaque_on_opaque: with_opaque && opaque_on_opaque,
                     ends_apart: with_opaque && scene.ends_apart,
-                    uses_gradient: image.buffers.tables().two_d,
+                    dimensions: image.buffers.tables().dimensions,
                     is_empty: step.empty,
                     ..begin_key
                 };
@@ -452,6 +452,7 @@ impl SliceLight {
             SliceVariant::Mended => 2.0,
         };
         let flag = |on: bool| f64::from(u8::from(on));
+        let [gradient_counts, joint] = key.dimensions.constants();
         let constants = [
             ("variant", variant),
             ("with_solid", flag(key.with_opaque)),
@@ -460,7 +461,8 @@ impl SliceLight {
             ("solid_lets_through", flag(key.opaque_transmits)),
             ("solid_on_solid", flag(key.opaque_on_opaque)),
             ("ends_apart", flag(key.ends_apart)),
-            ("gradient_counts", flag(key.uses_gradient)),
+            gradient_counts,
+            joint,
             ("is_empty", flag(key.is_empty)),
         ];
         let pipeline = if key.is_begin {

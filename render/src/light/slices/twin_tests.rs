@@ -6,7 +6,7 @@ use glioscope_core::optics::{Projection, Sight};
 use super::{plan::SlicePlan, slice_settings, twin};
 use crate::{
     ClipPlane, ContextRenderer, ContextScene,
-    light::suite::{SIZE, image_of, scene, visible_depths_mm},
+    light::suite::{SIZE, image_of, scene, shaped, visible_depths_mm},
     scene::{LightSettings, LightingMode, MutualOcclusion, Quality, SliceVariant},
     solid::{SURFACE, view::FAR},
     testing::GPU,
@@ -74,12 +74,16 @@ fn twin_error(scene: &ContextScene, lighting: LightSettings) -> f64 {
 /// For the suite: every variant, with and without tumour, gradients, clipping planes.
 pub(super) fn max_twin_error() -> f64 {
     let mut worst = 0.0f64;
-    for (two_d, with_tumor, projection) in [
-        (false, false, Projection::Perspective),
-        (false, true, Projection::Perspective),
-        (true, true, Projection::Orthographic),
+    for (two_d, by_shapes, with_tumor, projection) in [
+        (false, false, false, Projection::Perspective),
+        (false, false, true, Projection::Perspective),
+        (true, false, true, Projection::Orthographic),
+        (true, true, true, Projection::Perspective),
     ] {
         let mut scene = scene(two_d, with_tumor, projection);
+        if by_shapes {
+            scene.transfer = shaped();
+        }
         for variant in [SliceVariant::PaperExact, SliceVariant::PaperApproximate, SliceVariant::Mended] {
             for (aperture_deg, slice_grid, slice_mm) in [(50.0, 2, 0.9), (80.0, 5, 2.1)] {
                 scene.clip = if slice_grid == 5 {
@@ -96,7 +100,9 @@ pub(super) fn max_twin_error() -> f64 {
                     ..LightSettings::DEFAULT
                 };
                 let off = twin_error(&scene, lighting);
-                println!("{two_d} {with_tumor} {projection:?} {variant:?} {slice_grid}: {off:.2e}");
+                println!(
+                    "{two_d} {by_shapes} {with_tumor} {projection:?} {variant:?} {slice_grid}: {off:.2e}"
+                );
                 worst = worst.max(off);
             }
         }

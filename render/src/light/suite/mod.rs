@@ -18,7 +18,8 @@ use super::{LIGHTS, lit::LitKind, slices};
 use crate::{
     ContextRenderer, ContextScene,
     image::{
-        ContextVolume, ControlPoint, GRADIENT_OPACITY, GradientPoint, TransferFunction, buffers::ImageBuffers,
+        ContextVolume, ControlPoint, Form, GRADIENT_OPACITY, GradientPoint, Shape, TransferFunction,
+        buffers::ImageBuffers,
     },
     scene::{LightSettings, LightingMode, MaskColors, Palette, Quality},
     solid::SURFACE,
@@ -61,6 +62,24 @@ pub(crate) fn transfer(two_d: bool, opacity: f64) -> Arc<TransferFunction> {
             .to_vec()
     });
     Arc::new(TransferFunction::new(points, gradient).unwrap())
+}
+
+/// A 2-D function of shapes whose edges are soft: hard ones lie within a cell of the device's table.
+pub(crate) fn shaped() -> Arc<TransferFunction> {
+    let forms = [
+        Form::Box { values: [15.0, 95.0], gradients_per_mm: [0.0, 20.0], soft: 0.9 },
+        Form::Blob {
+            value: 50.0,
+            gradient_per_mm: 5.0,
+            value_deviation: 12.0,
+            gradient_deviation_per_mm: 3.0,
+        },
+    ];
+    let rest = [([90, 60, 200], 0.3), ([255, 250, 130], 0.6)];
+    let shapes = forms.into_iter().zip(rest).map(|(form, (color, opacity))| Shape { form, color, opacity });
+    let mut transfer = TransferFunction::transparent();
+    transfer.set_shapes(Some(shapes.collect())).unwrap();
+    Arc::new(transfer)
 }
 
 pub(crate) fn cubic(n: usize, spacing_mm: DVec3) -> Grid {

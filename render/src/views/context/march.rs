@@ -65,12 +65,13 @@ pub(crate) fn bind_march(draw: &mut Draw<'_>, image: Option<&LitImage<'_>>) -> R
         (6, draw.targets.outsides.as_entire_binding()),
     ];
     let mut entries = [&entries[..], &image.entries()].concat();
-    let gradient_counts = [image.buffers.tables().gradient_counts()];
-    let mut shader = Shader::from("context/march");
+    let constants = image.buffers.tables().dimensions.constants();
+    let mut file = "context/march";
     if let Some(lit) = draw.lights.lit_march() {
         entries.extend(lit.entries);
-        shader = Shader { file: lit.shader, constants: &gradient_counts };
+        file = lit.shader;
     }
+    let shader = Shader { file, constants: &constants };
     let workgroups = draw.workgroups();
     draw.passes.bind(draw.gpu, CONTEXT, shader, &entries, workgroups)
 }

@@ -9,6 +9,8 @@ mod march;
 pub mod reference;
 mod scene;
 #[cfg(test)]
+mod shape_tests;
+#[cfg(test)]
 mod tests;
 
 use std::sync::Arc;

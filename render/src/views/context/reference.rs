@@ -14,8 +14,9 @@ use rayon::prelude::*;
 use super::ContextScene;
 use crate::image::{
     TransferFunction,
+    tables::Tables,
     uniforms::{AMBIENT, SPECULAR, jitter},
-    volume::{Field, Tables},
+    volume::Field,
 };
 
 /// Sampling along a ray.
@@ -124,7 +125,7 @@ pub(crate) fn sample(scene: &ContextScene, q: DVec3) -> ([f64; 3], f64) {
     let Some(volume) = &scene.volume else { return ([0.0; 3], 0.0) };
     let value = value_at(volume.image(), q);
     let steepness =
-        if scene.transfer.gradient().is_some() { gradient_at(volume.image(), q).length() } else { 0.0 };
+        if scene.transfer.uses_gradient() { gradient_at(volume.image(), q).length() } else { 0.0 };
     scene.transfer.sample(value, steepness)
 }
 
@@ -175,10 +176,10 @@ fn shaded(color: [f64; 3], gradient: DVec3, ray: DVec3, half_shaded: f64, inside
 
 impl ContextScene {
     /// The image as a participating medium: the values and tables of the device, colours in linear light. Clipping
-    /// planes and the tumour's box are ignored. `None` without an image, or with one over 4 GiB at an eighth of its
-    /// resolution.
+    /// planes and the tumour's box are ignored. `None` without an image, with one over 4 GiB at an eighth of its
+    /// resolution, and with a transfer function that uses gradients, which a medium doesn't have.
     pub fn medium(&self) -> Option<OpticalVolume> {
-        let volume = self.volume.as_ref()?;
+        let volume = self.volume.as_ref().filter(|_| !self.transfer.uses_gradient())?;
         let field = Field::fitting(volume, 1 << 32)?;
         let tables = Tables::of(&self.transfer, volume.scale(), &field.ranges());
         let linear = |c: f32| srgb::decode(f64::from(c)) as f32;

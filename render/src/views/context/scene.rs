@@ -149,7 +149,7 @@ pub fn context_plan(scene: &ContextScene, quality: &Quality) -> Plan {
     // Either kind of opaque geometry is enough.
     let no_opaque = no_surface.filter(|_| no_tubes.is_some());
     let no_image = no_image(scene);
-    let is_1d = scene.transfer.gradient().is_none().then_some("transfer function is 1-D");
+    let is_1d = (!scene.transfer.uses_gradient()).then_some("transfer function is 1-D");
     let before = [SURFACE, TUBES, TUBES_MERGE];
     Plan::of(around_light(quality, before, [COMPOSE]), |pass| match pass {
         SURFACE => no_surface,

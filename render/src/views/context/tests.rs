@@ -17,7 +17,9 @@ use super::{
 use crate::{
     ClipPlane,
     device::PassName,
-    image::{CONTEXT, ContextVolume, ControlPoint, GRADIENT_OPACITY, GradientPoint, TransferFunction},
+    image::{
+        CONTEXT, ContextVolume, ControlPoint, Form, GRADIENT_OPACITY, GradientPoint, Shape, TransferFunction,
+    },
     light::screen::{OCCLUSION, OCCLUSION_BLUR},
     scene::{Lens, MaskColors, Palette},
     testing::{self, BenchGuard, SharedBench, grid, lock, noise, small_device, volume},
@@ -92,6 +94,30 @@ fn soft_2d() -> Arc<TransferFunction> {
     )
 }
 
+/// A box, a trapezoid and a blob that overlap, all edges soft: hard ones lie within a cell of the device's table.
+fn shaped() -> Arc<TransferFunction> {
+    let forms = [
+        Form::Box { values: [20.0, 70.0], gradients_per_mm: [0.0, 4.0], soft: 0.6 },
+        Form::Trapezoid {
+            gradients_per_mm: [2.0, 20.0],
+            lower_values: [30.0, 40.0],
+            upper_values: [10.0, 90.0],
+            soft: 0.8,
+        },
+        Form::Blob {
+            value: 60.0,
+            gradient_per_mm: 3.0,
+            value_deviation: 9.0,
+            gradient_deviation_per_mm: 2.0,
+        },
+    ];
+    let rest = [([230, 60, 40], 0.05), ([40, 160, 230], 0.3), ([250, 220, 90], 0.4)];
+    let shapes = forms.into_iter().zip(rest).map(|(form, (color, opacity))| Shape { form, color, opacity });
+    let mut transfer = TransferFunction::transparent();
+    transfer.set_shapes(Some(shapes.collect())).unwrap();
+    Arc::new(transfer)
+}
+
 /// The scene with a tumour of two overlapping balls in the middle of `grid`, the tumour's own.
 fn with_tumor(mut scene: ContextScene, grid: &Grid) -> ContextScene {
     let dims = grid.dims();
@@ -160,7 +186,7 @@ fn gpu_matches_its_twin() {
         // The tumour has its own grid, rotated against the image's.
         let turned = DMat3::from_rotation_z(0.4) * DMat3::from_diagonal(DVec3::new(-0.8, 0.7, 1.1));
         let tumor = self::grid([12, 14, 9], turned, center - turned * DVec3::new(6.0, 7.0, 4.5));
-        for (kind, function) in [("1-D", soft()), ("2-D", soft_2d())] {
+        for (kind, function) in [("1-D", soft()), ("2-D", soft_2d()), ("shapes", shaped())] {
             let mut s = with_tumor(scene(lumps(&grid), function), &tumor);
             for (projection, jitter) in [(Projection::Perspective, true), (Projection::Orthographic, false)] {
                 s.camera.projection = projection;

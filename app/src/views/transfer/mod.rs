@@ -1,5 +1,7 @@
-//! The transfer-function editor of the context view: histogram, control points, presets, gradient magnitude as the
-//! second dimension, and clip planes.
+//! The transfer-function editor of the context view: presets, histogram and control points with a factor by gradient
+//! magnitude, or shapes over both, and clip planes.
+
+mod shapes;
 
 use std::sync::Arc;
 
@@ -14,9 +16,10 @@ use glioscope_render::{
 };
 use strum::VariantArray;
 
+use self::shapes::ShapeEditor;
 use super::pane::{Input, Pane, Stage};
 use crate::{
-    command::{Commands, EditCommand},
+    command::{AppCommand, Commands, EditCommand},
     format, theme,
     world::{image::transfer_of, jobs::Lookup},
 };
@@ -24,11 +27,14 @@ use crate::{
 /// Largest distance at which a control point is grabbed, points.
 const GRAB_POINTS: f32 = 9.0;
 
+/// Texture of the joint histogram, with its inputs.
+type JointTexture = Option<(Arc<GradientHistogram>, TransferFunction, TextureHandle)>;
+
 /// The pane of the transfer-function editor.
 #[derive(Default)]
 pub struct TransferPane {
-    /// Texture of the joint histogram, with its inputs.
-    joint_texture: Option<(Arc<GradientHistogram>, TransferFunction, TextureHandle)>,
+    joint_texture: JointTexture,
+    shapes: ShapeEditor,
     /// Index of the chosen control point.
     chosen: Option<usize>,
     /// Index of the control point being dragged.
@@ -62,7 +68,7 @@ fn editor(ui: &mut Ui, state: &mut TransferPane, stage: &mut Stage<'_>, out: &mu
     };
     let current = transfer_of(input.doc, id, image);
     let mut new = current.clone();
-    presets(ui, id, image, &mut new, state);
+    presets(ui, id, image, &mut new, state, out);
     let volume = match stage.results.image.volume(input.context, ask) {
         Some(Lookup::Ready(volume)) => volume.clone(),
         Some(Lookup::Failed(error)) => {
@@ -74,9 +80,16 @@ fn editor(ui: &mut Ui, state: &mut TransferPane, stage: &mut Stage<'_>, out: &mu
             return;
         }
     };
-    curve(ui, volume.histogram(), &mut new, state);
-    chosen_point(ui, &mut new, state);
-    second_dimension(ui, (image, &volume), &mut new, state, stage);
+    let joint = of_what(ui, id, (image, &volume), &mut new, stage);
+    if new.shapes().is_some() {
+        if let Some(joint) = joint {
+            shapes::editor(ui, &joint, &mut new, &mut state.joint_texture, &mut state.shapes);
+        }
+    } else {
+        curve(ui, volume.histogram(), &mut new, state);
+        chosen_point(ui, &mut new, state);
+        second_dimension(ui, (image, &volume), &mut new, state, stage);
+    }
     if new != current {
         out.push(EditCommand::SetTransfer(id.to_owned(), Some(new)));
     }
@@ -90,20 +103,79 @@ fn presets(
     image: &PreparedContext,
     new: &mut TransferFunction,
     state: &mut TransferPane,
+    out: &mut Commands,
 ) {
     ui.horizontal_wrapped(|ui| {
         ui.strong(id);
         ui.menu_button("Presets", |ui| {
             for preset in TransferPreset::VARIANTS {
+                if *preset == TransferPreset::T1cShapes {
+                    ui.separator();
+                }
                 if ui.button(preset.name()).clicked() {
                     *new = preset.transfer(image.histogram());
                     state.chosen = None;
+                    state.shapes = ShapeEditor::default();
                     ui.close();
                 }
             }
         });
-        ui.weak("Click adds a point, drag moves it, Delete removes it");
+        for (text, tip, command) in [
+            ("Open…", "A transfer function from a file", AppCommand::OpenTransfer),
+            ("Save…", "The transfer function as a file", AppCommand::SaveTransfer),
+        ] {
+            if ui.button(text).on_hover_text(tip).clicked() {
+                out.push(command);
+            }
+        }
+        let how = if new.shapes().is_some() {
+            "Drag a shape or its handles, Delete removes it"
+        } else {
+            "Click adds a point, drag moves it, Delete removes it"
+        };
+        ui.weak(how);
     });
+}
+
+/// Chooses between points over values and shapes over values and gradient magnitudes. The joint histogram where shapes
+/// are chosen and it is counted.
+fn of_what(
+    ui: &mut Ui,
+    id: &str,
+    (image, volume): (&Arc<PreparedContext>, &Arc<ContextVolume>),
+    new: &mut TransferFunction,
+    stage: &mut Stage<'_>,
+) -> Option<Arc<GradientHistogram>> {
+    let mut by_shapes = new.shapes().is_some();
+    ui.horizontal_wrapped(|ui| {
+        ui.label("Opacity and colour by");
+        ui.radio_value(&mut by_shapes, false, "value").on_hover_text("Points over the histogram of values");
+        ui.radio_value(&mut by_shapes, true, "value and gradient (2-D)").on_hover_text(
+            "Boxes, trapezoids and blobs over values and gradient magnitudes: how steeply the value changes there, per \
+             millimetre. Materials of one value are told apart by their borders. Every lighting mode draws them.",
+        );
+    });
+    if by_shapes != new.shapes().is_some() {
+        // The points are kept meanwhile, so that going back finds them.
+        let preset = TransferPreset::first_shapes_for(image.histogram(), id);
+        let shapes = by_shapes.then(|| preset.transfer(image.histogram()).shapes().map(<[_]>::to_vec));
+        // A preset's shapes are valid.
+        let _ = new.set_shapes(shapes.flatten());
+    }
+    if !by_shapes {
+        return None;
+    }
+    match stage.results.image.gradients(image, volume, stage.ask) {
+        Lookup::Ready(joint) => Some(joint.clone()),
+        Lookup::Working(_) => {
+            ui.spinner();
+            None
+        }
+        Lookup::Failed(error) => {
+            ui.label(error.to_string());
+            None
+        }
+    }
 }
 
 /// Edits opacity against value, over the histogram.
@@ -253,7 +325,7 @@ fn second_dimension(
     stage: &mut Stage<'_>,
 ) {
     let mut on = new.gradient().is_some();
-    let text = "Second dimension: gradient magnitude";
+    let text = "Factor by gradient magnitude";
     let tip = "Opacity also depends on how steeply the value changes: borders stand out, flat tissue fades";
     let toggled = ui.checkbox(&mut on, text).on_hover_text(tip).changed();
     if !on {
@@ -281,7 +353,7 @@ fn second_dimension(
         // The ramp is valid: gradients ascend and factors are within 0 to 1.
         let _ = new.set_gradient(Some(ramp.to_vec()));
     }
-    joint_histogram_image(ui, &joint, new, state);
+    joint_histogram_image(ui, &joint, new, &mut state.joint_texture);
     let Some(points) = new.gradient() else { return };
     let mut points = points.to_vec();
     let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), 70.0), Sense::click_and_drag());
@@ -321,43 +393,54 @@ fn second_dimension(
     ui.weak(format!("gradient magnitude, 0 to {} per mm", format::plain(highest)));
 }
 
-/// Joint histogram of value and gradient magnitude, tinted with the transfer function's colours.
+/// The texture of the joint histogram of value and gradient magnitude, tinted with the transfer function's colours.
+fn joint_texture(
+    ui: &Ui,
+    joint: &Arc<GradientHistogram>,
+    transfer: &TransferFunction,
+    held: &mut JointTexture,
+) -> egui::TextureId {
+    if let Some((of, with, texture)) = held
+        && Arc::ptr_eq(of, joint)
+        && with == transfer
+    {
+        return texture.id();
+    }
+    let bins = GradientHistogram::BINS;
+    let (low, high) = joint.range();
+    let share = |i: usize| (i as f64 + 0.5) / bins as f64;
+    let mut pixels = vec![Color32::BLACK; bins * bins];
+    for (i, log_height) in joint.log_heights().iter().enumerate() {
+        let (row, column) = (i / bins, i % bins);
+        let value = low + share(column) * (high - low);
+        let (color, per_mm) = transfer.sample(value, share(row).powi(2) * joint.highest_gradient());
+        let tint = per_mm.sqrt();
+        // Bins with few voxels are visible too.
+        let brightness = if *log_height > 0.0 { 0.25 + 0.75 * log_height } else { 0.0 };
+        let mixed = color.map(|c| (255.0 * brightness * (0.7 * (1.0 - tint) + c * tint)) as u8);
+        // Larger gradients are further up.
+        pixels[(bins - 1 - row) * bins + column] = theme::color(mixed);
+    }
+    let image = ColorImage::new([bins, bins], pixels);
+    let texture = ui.ctx().load_texture("joint histogram", image, TextureOptions::NEAREST);
+    let id = texture.id();
+    *held = Some((joint.clone(), transfer.clone(), texture));
+    id
+}
+
+/// Draws the joint histogram.
 fn joint_histogram_image(
     ui: &mut Ui,
     joint: &Arc<GradientHistogram>,
     transfer: &TransferFunction,
-    state: &mut TransferPane,
+    held: &mut JointTexture,
 ) {
-    let is_current =
-        matches!(&state.joint_texture, Some((of, with, _)) if Arc::ptr_eq(of, joint) && with == transfer);
-    if !is_current {
-        let bins = GradientHistogram::BINS;
-        let (low, high) = joint.range();
-        let share = |i: usize| (i as f64 + 0.5) / bins as f64;
-        let mut pixels = vec![Color32::BLACK; bins * bins];
-        for (i, log_height) in joint.log_heights().iter().enumerate() {
-            let (row, column) = (i / bins, i % bins);
-            let value = low + share(column) * (high - low);
-            let (color, per_mm) = transfer.sample(value, share(row) * joint.highest_gradient());
-            let tint = per_mm.sqrt();
-            // Bins with few voxels are visible too.
-            let brightness = if *log_height > 0.0 { 0.25 + 0.75 * log_height } else { 0.0 };
-            let mixed = color.map(|c| (255.0 * brightness * (0.45 * (1.0 - tint) + c * tint)) as u8);
-            // Larger gradients are further up.
-            pixels[(bins - 1 - row) * bins + column] = theme::color(mixed);
-        }
-        let image = ColorImage::new([bins, bins], pixels);
-        let texture = ui.ctx().load_texture("joint histogram", image, TextureOptions::NEAREST);
-        state.joint_texture = Some((joint.clone(), transfer.clone(), texture));
-    }
-    if let Some((_, _, texture)) = &state.joint_texture {
-        let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), 110.0), Sense::hover());
-        let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
-        ui.painter().image(texture.id(), rect, whole, Color32::WHITE);
-        response.on_hover_text(
-            "Voxels by value (across) and gradient magnitude (up), tinted where they are seen",
-        );
-    }
+    let texture = joint_texture(ui, joint, transfer, held);
+    let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), 110.0), Sense::hover());
+    let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+    ui.painter().image(texture, rect, whole, Color32::WHITE);
+    response
+        .on_hover_text("Voxels by value (across) and gradient magnitude (up), tinted where they are seen");
 }
 
 /// Sides of the patient that a clip plane can cut off: name, outward normal.

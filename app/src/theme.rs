@@ -125,11 +125,28 @@ impl Tokens {
         [self.viewport.r(), self.viewport.g(), self.viewport.b()]
     }
 
+    /// The ramp of what shrank and grew: -1 shrinkage, 0 nothing, 1 growth.
+    pub fn diverging(&self, share: f32) -> Color32 {
+        let middle = self.panel.lerp_to_gamma(self.second, 0.35);
+        middle.lerp_to_gamma(if share < 0.0 { self.shrinkage } else { self.growth }, share.abs())
+    }
+
     /// Ground of text over a 3D view: mostly the view's own ground.
     pub fn plate(&self) -> Color32 {
         let [r, g, b] = self.viewport_rgb();
         Color32::from_rgba_unmultiplied(r, g, b, 200)
     }
+}
+
+/// The ramp of numbers without a sign, viridis at five places: equal steps of numbers are equal steps for the eye, in grey and for each
+/// colour deficiency, too.
+const SEQUENTIAL: [Color32; 5] = [hex(0x440154), hex(0x3b528b), hex(0x21918c), hex(0x5ec962), hex(0xfde725)];
+
+/// The ramp of numbers at 0 to 1.
+pub fn sequential(share: f32) -> Color32 {
+    let at = share.clamp(0.0, 1.0) * (SEQUENTIAL.len() - 1) as f32;
+    let low = (at as usize).min(SEQUENTIAL.len() - 2);
+    SEQUENTIAL[low].lerp_to_gamma(SEQUENTIAL[low + 1], at - low as f32)
 }
 
 /// An sRGB colour of a mask, an image or a ramp as egui's type.

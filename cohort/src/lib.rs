@@ -7,6 +7,9 @@
 mod cases;
 #[cfg(test)]
 mod cases_tests;
+mod collected;
+#[cfg(test)]
+mod collected_tests;
 mod error;
 mod group;
 mod hashes;
@@ -23,6 +26,7 @@ mod steps;
 mod tables;
 
 pub use cases::{CohortCase, find};
+pub use collected::{Collected, Date, MOST_MASKS, Offered, Overlaps, Quantity, Reduce};
 pub use error::CohortError;
 pub use group::{Grouped, Ranking, group};
 pub use options::{Options, Step};

@@ -275,6 +275,7 @@ impl Run<'_> {
         let status = CaseStatus {
             glioscope: self.resources.version.clone(),
             case: case.label.clone(),
+            path: case.path.to_string_lossy().into_owned(),
             state,
             options: self.options.clone(),
             inputs,

@@ -53,6 +53,9 @@ pub struct CaseStatus {
     pub glioscope: String,
     /// The case's name within the cohort.
     pub case: String,
+    /// What was opened: a folder, manifest, archive, image or session; absolute. Empty in results that don't say it.
+    #[serde(default)]
+    pub path: String,
     /// `failed` where any step failed; the results of the others are there.
     pub state: State,
     /// What was computed, and how.

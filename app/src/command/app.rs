@@ -8,6 +8,7 @@ use strum::{EnumDiscriminants, EnumIter, VariantArray};
 
 use super::{Entry, Label, Listed, Menu, Workstation};
 use crate::export::What;
+use crate::model::cohort::CohortSetting;
 use crate::model::{CaseRef, ExportFormat, PaneId, PictureSize};
 use crate::report;
 
@@ -21,6 +22,11 @@ pub enum AppCommand {
     ShowPacs,
     Open(CaseRef),
     OpenSession(PathBuf),
+    OpenCohort,
+    OpenCohortAt(PathBuf),
+    OpenCohortCase(String),
+    ShowCohort,
+    SetCohort(Box<CohortSetting>),
     AddTracts(Vec<PathBuf>),
     SaveSession,
     SaveSessionAs,
@@ -48,6 +54,7 @@ pub enum AppCommand {
     WriteReportTo(report::Options, PathBuf),
     BrowseFiles,
     BrowseFolders,
+    BrowseCohorts,
     ClearRecent,
     ScreenshotWindow,
     ScreenshotPane(PaneId),
@@ -81,6 +88,8 @@ impl AppCommand {
             AppKind::OpenDialog => vec![listed(Self::OpenDialog).keys(CTRL, Key::O).menu(Menu::File, 0)],
             AppKind::OpenSample => vec![listed(Self::OpenSample).menu(Menu::File, 0)],
             AppKind::ShowPacs => vec![listed(Self::ShowPacs).menu(Menu::File, 0)],
+            AppKind::OpenCohort => vec![listed(Self::OpenCohort).menu(Menu::File, 0)],
+            AppKind::ShowCohort => vec![listed(Self::ShowCohort).key(Key::F4).menu(Menu::File, 0)],
             AppKind::ShowCaseFiles => vec![listed(Self::ShowCaseFiles).menu(Menu::File, 1)],
             AppKind::SaveSession => vec![listed(Self::SaveSession).keys(CTRL, Key::S).menu(Menu::File, 1)],
             AppKind::SaveSessionAs => {
@@ -104,6 +113,7 @@ impl AppCommand {
                 .collect(),
             AppKind::BrowseFiles => vec![listed(Self::BrowseFiles)],
             AppKind::BrowseFolders => vec![listed(Self::BrowseFolders)],
+            AppKind::BrowseCohorts => vec![listed(Self::BrowseCohorts)],
             AppKind::ClearRecent => vec![listed(Self::ClearRecent).menu(Menu::Recent, 0)],
             AppKind::ScreenshotWindow => {
                 vec![listed(Self::ScreenshotWindow).key(Key::F12).menu(Menu::File, 2)]
@@ -134,6 +144,9 @@ impl AppCommand {
             AppKind::Quit => vec![listed(Self::Quit).keys(CTRL, Key::Q).menu(Menu::File, 3)],
             AppKind::Open
             | AppKind::OpenSession
+            | AppKind::OpenCohortAt
+            | AppKind::OpenCohortCase
+            | AppKind::SetCohort
             | AppKind::AddTracts
             | AppKind::ChooseTransform
             | AppKind::AlignByFile
@@ -159,6 +172,19 @@ impl AppCommand {
         }
     }
 
+    /// Whether its shortcut works while the cohort is in front of the case, which isn't seen then.
+    pub fn is_of_cohort(&self) -> bool {
+        matches!(
+            self,
+            Self::OpenDialog
+                | Self::ShowCohort
+                | Self::ShowPalette
+                | Self::ScreenshotWindow
+                | Self::ShowAbout
+                | Self::Quit
+        )
+    }
+
     pub(super) fn label(&self) -> Label {
         match self {
             Self::OpenDialog => {
@@ -168,6 +194,14 @@ impl AppCommand {
             Self::OpenSample => Label::new("Open the sample case"),
             Self::Open(_) => Label::new("Open this case"),
             Self::OpenSession(_) => Label::new("Open this session"),
+            Self::OpenCohort => Label::new("Open a cohort…")
+                .detail("The output of glioscope cohort: the overlaps of all its cases side by side"),
+            Self::OpenCohortAt(_) => Label::new("Open this cohort"),
+            Self::OpenCohortCase(case) => Label::new(format!("Open the case {case}")),
+            Self::ShowCohort => {
+                Label::new("The cohort").detail("In front of the case, or behind it; it stays as it is")
+            }
+            Self::SetCohort(_) => Label::new("Show the cohort like this"),
             Self::AddTracts(_) => Label::new("Add these fibre tracts"),
             Self::SaveSession => Label::new("Save the session")
                 .detail("Selection, lens, views and layout; the images stay where they are"),
@@ -212,6 +246,7 @@ impl AppCommand {
             Self::WriteReportTo(..) => Label::new("Write the report"),
             Self::BrowseFiles => Label::new("Browse for a case file…"),
             Self::BrowseFolders => Label::new("Browse for a case folder…"),
+            Self::BrowseCohorts => Label::new("Browse for a cohort…"),
             Self::ClearRecent => Label::new("Forget recent cases"),
             Self::ScreenshotWindow => Label::new("Picture of the window…"),
             Self::ScreenshotPane(pane) => Label::new(format!("Picture of {}…", pane.title())),
@@ -254,6 +289,7 @@ impl AppCommand {
     pub(super) fn entry(&self, work: &Workstation) -> Entry {
         match self {
             Self::SetPictureSize(size) => Entry::Choice(work.picture_size == *size),
+            Self::ShowCohort => Entry::Switch(work.cohort_in_front().is_some()),
             _ => Entry::Plain,
         }
     }
@@ -282,6 +318,7 @@ impl AppCommand {
             Self::OpenTransfer | Self::OpenTransferFrom(_) | Self::SaveTransfer | Self::SaveTransferTo(_) => {
                 work.doc.as_ref().is_some_and(|doc| work.world.context(doc).is_some())
             }
+            Self::ShowCohort => work.cohort.is_some(),
             // The sample has no files.
             Self::ShowCaseFiles => work.doc.as_ref().is_some_and(|doc| doc.case != CaseRef::Sample),
             Self::GoToGrowth | Self::ShowAlign | Self::ChooseTransform(_) | Self::AlignByFile(..) => {

@@ -15,8 +15,8 @@ use super::{Command, EditCommand};
 use crate::{
     error::AppError,
     model::{
-        Answer, Answers, CaseRef, Document, Edit, History, PictureSize, Place, Session, masks::MaskLooks,
-        rulers::MOST_RULERS, session,
+        Answer, Answers, CaseRef, Document, Edit, History, PictureSize, Place, Session, cohort::OpenCohort,
+        masks::MaskLooks, rulers::MOST_RULERS, session,
     },
     world::{
         Loaded, World,
@@ -77,6 +77,8 @@ pub struct Workstation {
     pub history: History,
     /// The load in progress.
     pub job: Option<LoadJob>,
+    /// The cohort that is open, in front of the case or behind it.
+    pub cohort: Option<OpenCohort>,
     /// A guess that awaits the user's confirmation.
     pub guess: Option<Guess>,
     /// Dates that await their order.
@@ -130,6 +132,10 @@ impl Workstation {
     /// Replaces the current case; starts with `document`, or with the initial one.
     fn install(&mut self, case: CaseRef, loaded: Loaded, document: Option<Document>) {
         self.world = World::new(loaded);
+        // Whoever opens a case wants to see it.
+        if let Some(cohort) = &mut self.cohort {
+            cohort.is_shown = false;
+        }
         self.history = History::default();
         self.saved = None;
         let first = self.world.case().and_then(|c| c.time_points.first());
@@ -143,6 +149,17 @@ impl Workstation {
             self.world.set_made(&doc.edit.made);
             self.saved = Some(Box::new(doc.edit.clone()));
         }
+    }
+
+    /// The cohort, where it is in front of the case.
+    pub fn cohort_in_front(&self) -> Option<&OpenCohort> {
+        self.cohort.as_ref().filter(|cohort| cohort.is_shown)
+    }
+
+    /// Opens the cohort in `folder`, in front of the case.
+    pub fn open_cohort(&mut self, folder: &Path) {
+        self.error = None;
+        self.cohort = Some(OpenCohort::new(folder, self.cohort.as_ref()));
     }
 
     /// Whether there is work that would be lost if the case were closed: anything that undo covers but the arrangement of

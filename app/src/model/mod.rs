@@ -3,6 +3,7 @@
 pub mod accepted;
 pub mod agreement;
 pub mod change;
+pub mod cohort;
 pub mod document;
 pub mod ellipsoids;
 pub mod fusion;

@@ -3,6 +3,7 @@
 pub mod agreement;
 pub mod change;
 pub mod closeup;
+pub mod cohort;
 pub mod context;
 pub mod dates;
 pub mod diagnostics;

@@ -7,6 +7,7 @@ use std::{
     sync::{Arc, Once, mpsc},
 };
 
+use glioscope_cohort::Collected;
 use glioscope_core::files::format::{self, volume_filter, volume_names};
 
 use crate::{
@@ -24,6 +25,8 @@ pub enum Purpose {
     OpenFile,
     /// Open a folder as a case.
     OpenFolder,
+    /// Open the output of `glioscope cohort`.
+    OpenCohort,
     /// Choose a registration transform that moves this date.
     Transform(String),
     /// Save the session.
@@ -50,7 +53,13 @@ impl Purpose {
     /// Proposed name of the file to write; `None` for dialogs that open a file or folder.
     pub fn file_name(&self) -> Option<String> {
         Some(match self {
-            Self::OpenFile | Self::OpenFolder | Self::Transform(_) | Self::OpenTransfer => return None,
+            Self::OpenFile
+            | Self::OpenFolder
+            | Self::OpenCohort
+            | Self::Transform(_)
+            | Self::OpenTransfer => {
+                return None;
+            }
             Self::SaveSession => format!("case.{}", session::EXTENSION),
             Self::SaveTransfer => format!("image.{}", transfer_file::EXTENSION),
             Self::Manifest => "case.toml".into(),
@@ -68,6 +77,7 @@ impl Purpose {
         match self {
             Self::OpenFile => "Open a case",
             Self::OpenFolder => "Open a folder as a case",
+            Self::OpenCohort => "Open a cohort",
             Self::Transform(_) => "A transform that moves the date",
             Self::SaveSession => "Save the session",
             Self::OpenTransfer => "Open a transfer function",
@@ -108,6 +118,7 @@ impl Purpose {
         let path = self.complete(path);
         match self {
             Self::OpenFile | Self::OpenFolder => open_command(path),
+            Self::OpenCohort => AppCommand::OpenCohortAt(path).into(),
             Self::Transform(time) => AppCommand::AlignByFile(time.clone(), path).into(),
             Self::SaveSession => AppCommand::SaveSessionTo(path).into(),
             Self::OpenTransfer => AppCommand::OpenTransferFrom(path).into(),
@@ -122,10 +133,12 @@ impl Purpose {
     }
 }
 
-/// The command that opens a path as a session or a case.
+/// The command that opens a path as a session, a cohort or a case.
 pub fn open_command(path: PathBuf) -> Command {
     if session::is_session(&path) {
         AppCommand::OpenSession(path).into()
+    } else if Collected::is_at(&path) {
+        AppCommand::OpenCohortAt(path).into()
     } else {
         AppCommand::Open(CaseRef::Path(path)).into()
     }
@@ -170,7 +183,7 @@ pub fn desktop_chooser() -> Chooser {
             dialog = dialog.set_directory(folder);
         }
         let answer = match (purpose, purpose.file_name()) {
-            (Purpose::OpenFolder, _) => dialog.pick_folder(),
+            (Purpose::OpenFolder | Purpose::OpenCohort, _) => dialog.pick_folder(),
             (Purpose::Transform(_), _) => {
                 dialog.add_filter("Transforms", &["tfm", "txt", "mat", "lta", "dat"]).pick_file()
             }

@@ -53,7 +53,7 @@ pub fn bar(
                 ui.menu_button(menu.title(), |ui| bar.menu(ui, menu, out));
             }
             ui.separator();
-            if let Some(doc) = &work.doc {
+            if let Some(doc) = work.doc.as_ref().filter(|_| work.cohort_in_front().is_none()) {
                 toolbar(ui, work, doc, out);
             }
         });

@@ -50,6 +50,7 @@ use crate::{
     theme,
     views::{
         Panes, Shared,
+        cohort::CohortView,
         pane::{DateInput, Input},
         pointer,
         view3d::Graphics,
@@ -116,6 +117,8 @@ pub struct GlioscopeApp {
     pub is_picture: bool,
     /// The panes with their state.
     pub panes: Panes,
+    /// The cohort's view.
+    pub cohort: CohortView,
     /// Results derived from the case.
     pub results: Results,
     ask: Ask,
@@ -163,6 +166,7 @@ impl GlioscopeApp {
         Ok(Self {
             work,
             panes,
+            cohort: CohortView::default(),
             results: Results::new(graphics.as_ref().map(|graphics| graphics.gpu.clone())),
             graphics,
             is_picture: false,
@@ -240,7 +244,7 @@ impl GlioscopeApp {
         self.remember_size(&ctx);
         let mut out = Commands::default();
         if !self.dialog_is_open(&ctx) && self.explain.is_none() {
-            shortcuts(&ctx, &mut out);
+            shortcuts(&ctx, self.work.cohort_in_front().is_some(), &mut out);
         }
         let passed_over = drop::dropped(&ctx, self.work.doc.is_some(), &mut out);
         // Only what can be chosen from a menu or the palette is looked for.
@@ -348,7 +352,12 @@ impl GlioscopeApp {
     /// Which case is open stands in the window's title; not while something is explained to a patient.
     fn name_window(&mut self, ctx: &Context) {
         let case = self.work.world.case().filter(|_| self.work.doc.is_some() && self.explain.is_none());
-        let title = case.map_or_else(|| "Glioscope".to_owned(), |case| format!("{} – Glioscope", case.name));
+        let cohort = self.work.cohort_in_front().and_then(|cohort| cohort.folder.file_name());
+        let name = match (cohort, case) {
+            (Some(cohort), _) => Some(format!("Cohort {}", cohort.display())),
+            (None, case) => case.map(|case| case.name.clone()),
+        };
+        let title = name.map_or_else(|| "Glioscope".to_owned(), |name| format!("{name} – Glioscope"));
         if title != self.title {
             ctx.send_viewport_cmd(egui::ViewportCommand::Title(title.clone()));
             self.title = title;
@@ -405,8 +414,9 @@ impl GlioscopeApp {
             return;
         }
         let ready = self.work.job.is_none()
-            && self.work.doc.is_some()
+            && (self.work.doc.is_some() || self.work.cohort_in_front().is_some())
             && !self.results.working()
+            && self.cohort.ready()
             && self.pane_rects.keys().all(|pane| self.panes.ready(*pane));
         let was_ready = std::mem::replace(&mut scripted.was_ready, ready);
         if ready && was_ready {
@@ -420,6 +430,12 @@ impl GlioscopeApp {
     }
 
     fn panes(&mut self, ui: &mut Ui, out: &mut Commands) {
+        if let Some(open) = self.work.cohort_in_front() {
+            self.pane_rects.clear();
+            let of = (&mut self.results.cohort, &self.ask);
+            self.cohort.show(ui, open, self.work.doc.is_some(), of, out);
+            return;
+        }
         if self.work.doc.is_none() || self.work.world.case().is_none() {
             menu::welcome(ui, self.work.job.is_some(), &self.recent, out);
             return;
@@ -638,13 +654,16 @@ impl GlioscopeApp {
 }
 
 /// Pushes the commands whose shortcuts were pressed.
-fn shortcuts(ctx: &Context, out: &mut Commands) {
+fn shortcuts(ctx: &Context, is_cohort: bool, out: &mut Commands) {
     if ctx.egui_wants_keyboard_input() {
         return;
     }
     // Most modifiers first: otherwise Ctrl+Shift+Z would match Ctrl+Z.
     let mut with_shortcut: Vec<_> =
         listed().iter().filter_map(|listed| Some((listed.keys?, &listed.command))).collect();
+    // What isn't seen isn't changed by a key.
+    with_shortcut
+        .retain(|(_, command)| !is_cohort || matches!(command, Command::App(app) if app.is_of_cohort()));
     with_shortcut.sort_by_key(|(keys, _)| {
         std::cmp::Reverse(u8::from(keys.modifiers.shift) + u8::from(keys.modifiers.command))
     });

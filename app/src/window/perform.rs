@@ -4,7 +4,7 @@ use std::{path::Path, time::Instant};
 
 use super::{
     GlioscopeApp, align,
-    dialogs::{Dialog, Purpose},
+    dialogs::{Dialog, Purpose, open_command},
     enlarged::Enlarged,
     explain::Explain,
     make_mask::MakeMask,
@@ -78,6 +78,24 @@ impl GlioscopeApp {
             AppCommand::OpenDialog => self.open.path = Some(TypedPath::to_open()),
             AppCommand::BrowseFiles => self.open_file_dialog(ctx, Purpose::OpenFile),
             AppCommand::BrowseFolders => self.open_file_dialog(ctx, Purpose::OpenFolder),
+            AppCommand::OpenCohort => self.open.path = Some(TypedPath::to_open_cohort()),
+            AppCommand::BrowseCohorts => self.open_file_dialog(ctx, Purpose::OpenCohort),
+            AppCommand::OpenCohortAt(folder) => {
+                self.work.open_cohort(&absolute(folder));
+                self.recent.add(folder);
+            }
+            AppCommand::OpenCohortCase(case) => self.open_cohort_case(ctx, case),
+            AppCommand::ShowCohort => {
+                let has_case = self.work.doc.is_some();
+                if let Some(cohort) = &mut self.work.cohort {
+                    cohort.is_shown = !cohort.is_shown || !has_case;
+                }
+            }
+            AppCommand::SetCohort(setting) => {
+                if let Some(cohort) = &mut self.work.cohort {
+                    cohort.setting = Some((**setting).clone());
+                }
+            }
             AppCommand::Open(_)
             | AppCommand::OpenFiles(_)
             | AppCommand::OpenSample
@@ -185,6 +203,15 @@ impl GlioscopeApp {
                 self.preferences.save();
             }
             AppCommand::Quit => self.quit(ctx),
+        }
+    }
+
+    /// Opens a case of the cohort from the files that its results name.
+    fn open_cohort_case(&mut self, ctx: &Context, case: &str) {
+        let Some(collected) = self.results.cohort.last() else { return };
+        match collected.source(case) {
+            Ok(path) => self.perform(ctx, &open_command(path), Instant::now()),
+            Err(error) => self.work.error = Some(error.into()),
         }
     }
 

@@ -3,7 +3,8 @@
 use std::sync::{Arc, mpsc};
 
 use egui_wgpu::{NativeAdapterSelectorMethod, WgpuConfiguration, WgpuSetup, WgpuSetupCreateNew};
-use glioscope_core::case::LoadOptions;
+use glioscope_cohort::Collected;
+use glioscope_core::{case::LoadOptions, files::absolute};
 use glioscope_render::{AdapterPreference, Gpu, device::gpu};
 
 use super::{GlioscopeApp, autosave::Autosave, preferences::Preferences, recent::Recent};
@@ -125,6 +126,7 @@ fn app(
     let wake = Waker::of(&cc.egui_ctx);
     match start.case.unwrap_or_default() {
         CaseRef::Path(path) if session::is_session(&path) => work.open_session(&path, &start.tracts, wake),
+        CaseRef::Path(path) if Collected::is_at(&path) => work.open_cohort(&absolute(&path)),
         case => work.open(case, start.tracts, wake),
     }
     let app = GlioscopeApp::new(work, Some(graphics), recent)?;

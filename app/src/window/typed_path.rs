@@ -29,6 +29,11 @@ impl TypedPath {
         Self::new(Purpose::OpenFile, Path::new(""), String::new())
     }
 
+    /// Asks for a cohort to open.
+    pub fn to_open_cohort() -> Self {
+        Self::new(Purpose::OpenCohort, Path::new(""), String::new())
+    }
+
     /// Asks for the path of `purpose`; a file to write is proposed in `folder`.
     pub fn new(purpose: Purpose, folder: &Path, why: String) -> Self {
         let path =
@@ -94,6 +99,9 @@ impl TypedPath {
                 Purpose::Transform(_) => {
                     "a transform of ITK, ANTs, 3D Slicer or FreeSurfer, or a bare 4x4 matrix".to_owned()
                 }
+                Purpose::OpenCohort => {
+                    "a folder that glioscope cohort IN OUT group has written to".to_owned()
+                }
                 _ => openable(),
             };
             what.replace_range(..1, "A");
@@ -119,7 +127,14 @@ impl TypedPath {
         let mut reply = Reply::None;
         ui.horizontal(|ui| {
             accepted |= ui.button(if opens { "Open" } else { "Save" }).clicked();
-            if opens && self.why.is_empty() {
+            if self.purpose == Purpose::OpenCohort
+                && self.why.is_empty()
+                && ui.button("Browse folders…").clicked()
+            {
+                out.push(AppCommand::BrowseCohorts);
+                reply = Reply::Cancel;
+            }
+            if self.purpose == Purpose::OpenFile && self.why.is_empty() {
                 for (text, command) in [
                     ("Browse files…", AppCommand::BrowseFiles),
                     ("Browse folders…", AppCommand::BrowseFolders),

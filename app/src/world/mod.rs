@@ -1,6 +1,7 @@
 //! Runtime state: the loaded case and the results derived from it. Never saved.
 
 pub mod agreement;
+pub mod cohort;
 pub mod comparison;
 pub mod ellipsoids;
 pub mod image;
@@ -243,6 +244,8 @@ pub struct Results {
     pub places: places::Places,
     /// The axial slice as a plane in 3D.
     pub plane: slice_plane::PlaneResult,
+    /// The tables of the open cohort.
+    pub cohort: cohort::Cohorts,
 }
 
 impl Results {
@@ -263,6 +266,7 @@ impl Results {
             | self.spoken.working()
             | self.lesions.working()
             | self.response.working()
+            | self.cohort.working()
     }
 }
 

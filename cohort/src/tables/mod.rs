@@ -2,13 +2,15 @@
 
 mod answers;
 mod kinds;
+mod read;
 mod write;
 
 use serde::Serialize;
 
 pub(crate) use answers::{pair_values, rows_of};
+pub(crate) use kinds::{CHANGES, FAILURES, LESIONS, MASKS, PAIRS, RANKS, REGIONS, RESPONSES, TESTS};
 pub use kinds::{Column, KINDS, Kind, Type};
-pub(crate) use kinds::{FAILURES, RANKS, TESTS};
+pub(crate) use read::{Names, Table, Values, read as read_table};
 pub(crate) use write::Writer;
 
 /// One field of a row.

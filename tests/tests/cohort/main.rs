@@ -1,5 +1,5 @@
 //! `glioscope cohort` as a process: a made cohort of boxes with known volumes and overlaps, computed, killed, computed again, and its
-//! tables. One test binary of its own: it needs neither window nor device.
+//! tables; and in the window.
 
 #![allow(
     clippy::unwrap_used,
@@ -11,7 +11,9 @@
 
 mod kills;
 mod made;
+mod synthetic;
 mod tables;
+mod window;
 
 use std::path::Path;
 

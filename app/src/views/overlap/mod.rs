@@ -7,7 +7,7 @@
 mod bar;
 pub mod interact;
 mod matrix;
-mod paint;
+pub mod paint;
 pub mod ring;
 mod ring_view;
 mod table;

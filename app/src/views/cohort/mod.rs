@@ -1,0 +1,136 @@
+//! A cohort: the overlap diagrams of its cases as a grid of glyphs (thesis 7.9), sorted, filtered and coloured by the cohort's tables.
+//!
+//! Drawing reads the tables and the setting and pushes commands; what is derived (values, order, glyphs) is kept only to be drawn again.
+
+mod color;
+mod controls;
+mod glyph;
+mod grid;
+mod picker;
+mod strip;
+
+use std::sync::Arc;
+
+use egui::{Panel, Ui};
+use glioscope_cohort::{Collected, Date};
+
+use crate::{
+    command::Commands,
+    model::cohort::{CohortSetting, OpenCohort},
+    views::draw,
+    world::{
+        cohort::{Cohorts, Columns, shown},
+        jobs::{Ask, Derived, Handle, Lookup, progress_text},
+    },
+};
+use color::Colors;
+use glyph::Glyphs;
+
+/// The cohort's view: what is derived from the tables.
+#[derive(Default)]
+pub struct CohortView {
+    columns: Columns,
+    glyphs: Derived<(Handle<Collected>, Vec<String>, Date), Glyphs>,
+    /// The cases that pass the filters, in their order, and of which tables and setting.
+    shown: Option<(Handle<Collected>, CohortSetting, Vec<usize>)>,
+}
+
+impl CohortView {
+    /// Draws the cohort into all of `ui`. `has_case`: a case is open behind it.
+    pub fn show(
+        &mut self,
+        ui: &mut Ui,
+        open: &OpenCohort,
+        has_case: bool,
+        (cohorts, ask): (&mut Cohorts, &Ask),
+        out: &mut Commands,
+    ) {
+        let collected = match cohorts.get(open, ask) {
+            Lookup::Ready(collected) => collected.clone(),
+            Lookup::Working(progress) => {
+                let text = format!("Reading the cohort's tables: {}", progress_text(progress));
+                let rect = ui.available_rect_before_wrap();
+                draw::message(ui, rect, &text);
+                return;
+            }
+            Lookup::Failed(why) => {
+                let rect = ui.available_rect_before_wrap();
+                draw::message(ui, rect, &why.to_string());
+                return;
+            }
+        };
+        self.columns.turn_to(&collected);
+        let setting = open.setting.clone().unwrap_or_else(|| CohortSetting::suited_to(&collected));
+        let is_new = self.order(&collected, &setting);
+        let glyphs = self.glyphs(&collected, &setting, ask);
+        let colors = setting.color.as_ref().map(|quantity| {
+            let unit = self.columns.offer(quantity).map_or("", |offer| offer.unit);
+            Colors::new(self.columns.get(&collected, quantity), unit)
+        });
+        let Self { columns, shown, .. } = self;
+        let shown: &[usize] = shown.as_ref().map_or(&[], |(_, _, cases)| cases);
+        Panel::top("cohort controls").show(ui, |ui| {
+            controls::show(ui, (open, has_case), &setting, (&collected, columns, shown.len()), out);
+            controls::legend(ui, &setting, colors.as_ref(), glyphs.as_deref());
+        });
+        Panel::bottom("cohort strip").show(ui, |ui| {
+            strip::show(ui, &setting, (&collected, shown), columns, out);
+        });
+        draw::padded(ui, |ui| {
+            if shown.is_empty() {
+                ui.label("No case passes the filters.");
+                return;
+            }
+            let input = grid::GridInput {
+                collected: &collected,
+                setting: &setting,
+                shown,
+                glyphs: glyphs.as_deref(),
+                colors: colors.as_ref(),
+                from_the_top: is_new,
+            };
+            grid::show(ui, &input, columns, out);
+        });
+    }
+
+    /// Whether nothing that is drawn is still computed.
+    pub fn ready(&mut self) -> bool {
+        !self.glyphs.working()
+    }
+
+    /// Sorts and filters where tables or setting are others than before; returns whether they are.
+    fn order(&mut self, collected: &Arc<Collected>, setting: &CohortSetting) -> bool {
+        let handle = Handle::of(collected);
+        let matters = |setting: &CohortSetting| CohortSetting {
+            masks: Vec::new(),
+            date: Date::default(),
+            cell_points: 0.0,
+            color: None,
+            ..setting.clone()
+        };
+        let wanted = matters(setting);
+        if self.shown.as_ref().is_some_and(|(of, before, _)| *of == handle && *before == wanted) {
+            return false;
+        }
+        let cases = shown(collected, setting, &mut self.columns);
+        self.shown = Some((handle, wanted, cases));
+        true
+    }
+
+    /// The glyphs of all cases, laid out on a worker; `None` until they are.
+    fn glyphs(
+        &mut self,
+        collected: &Arc<Collected>,
+        setting: &CohortSetting,
+        ask: &Ask,
+    ) -> Option<Arc<Glyphs>> {
+        let key = (Handle::of(collected), setting.masks.clone(), setting.date);
+        let (of, masks, date) = (collected.clone(), setting.masks.clone(), setting.date);
+        let lookup =
+            self.glyphs.get(key, ask, move |_| Ok(Glyphs::new(&of.overlaps(&masks, date), masks.len())));
+        match lookup {
+            Lookup::Ready(glyphs) => Some(glyphs.clone()),
+            Lookup::Working(_) | Lookup::Failed(_) => None,
+        }
+    }
+}

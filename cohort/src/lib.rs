@@ -24,6 +24,7 @@ mod run_tests;
 mod status;
 mod steps;
 mod tables;
+mod verdicts;
 
 pub use cases::{CohortCase, find};
 pub use collected::{Collected, Date, MOST_MASKS, Offered, Overlaps, Quantity, Reduce};
@@ -35,3 +36,4 @@ pub use process::{end_with_parent, is_of_cohort};
 pub use run::{Outcome, Resources, Said, Summary, run};
 pub use status::{CaseStatus, State, StepStatus};
 pub use tables::{Column, Dictionary, KINDS, Kind, Type};
+pub use verdicts::{Agreement, Judgement, Verdict, Verdicts, agreement, hidden_order};

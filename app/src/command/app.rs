@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use egui::{Key, Modifiers};
+use glioscope_cohort::Verdict;
 use glioscope_core::files::format::volume_names;
 use strum::{EnumDiscriminants, EnumIter, VariantArray};
 
@@ -27,6 +28,14 @@ pub enum AppCommand {
     OpenCohortCase(String),
     ShowCohort,
     SetCohort(Box<CohortSetting>),
+    ExportCohort,
+    ExportCohortTo(PathBuf),
+    BeginReading { reader: String, seed: u64, names_hidden: bool },
+    NextCase,
+    GiveVerdict(Box<Verdict>),
+    EndReading,
+    ExportVerdicts,
+    ExportVerdictsTo(PathBuf),
     AddTracts(Vec<PathBuf>),
     SaveSession,
     SaveSessionAs,
@@ -89,6 +98,10 @@ impl AppCommand {
             AppKind::OpenSample => vec![listed(Self::OpenSample).menu(Menu::File, 0)],
             AppKind::ShowPacs => vec![listed(Self::ShowPacs).menu(Menu::File, 0)],
             AppKind::OpenCohort => vec![listed(Self::OpenCohort).menu(Menu::File, 0)],
+            AppKind::NextCase => vec![listed(Self::NextCase).key(Key::N)],
+            AppKind::EndReading => vec![listed(Self::EndReading)],
+            AppKind::ExportVerdicts => vec![listed(Self::ExportVerdicts)],
+            AppKind::ExportCohort => vec![listed(Self::ExportCohort).menu(Menu::File, 2)],
             AppKind::ShowCohort => vec![listed(Self::ShowCohort).key(Key::F4).menu(Menu::File, 0)],
             AppKind::ShowCaseFiles => vec![listed(Self::ShowCaseFiles).menu(Menu::File, 1)],
             AppKind::SaveSession => vec![listed(Self::SaveSession).keys(CTRL, Key::S).menu(Menu::File, 1)],
@@ -147,6 +160,10 @@ impl AppCommand {
             | AppKind::OpenCohortAt
             | AppKind::OpenCohortCase
             | AppKind::SetCohort
+            | AppKind::ExportCohortTo
+            | AppKind::BeginReading
+            | AppKind::GiveVerdict
+            | AppKind::ExportVerdictsTo
             | AppKind::AddTracts
             | AppKind::ChooseTransform
             | AppKind::AlignByFile
@@ -201,6 +218,17 @@ impl AppCommand {
             Self::ShowCohort => {
                 Label::new("The cohort").detail("In front of the case, or behind it; it stays as it is")
             }
+            Self::ExportCohort => Label::new("Export the cohort's diagrams…")
+                .detail("Those shown, in their order, as SVG or PDF: the file's ending is the format"),
+            Self::ExportCohortTo(_) => Label::new("Write the cohort's diagrams"),
+            Self::BeginReading { .. } => Label::new("Begin to read")
+                .detail("In a random order; who has begun goes on where they were. Every verdict is saved at once"),
+            Self::NextCase => Label::new("Next case to read").detail("The next one of your list without a verdict"),
+            Self::GiveVerdict(_) => Label::new("Give this verdict"),
+            Self::EndReading => Label::new("End reading").detail("Verdicts are saved; you can go on later"),
+            Self::ExportVerdicts => Label::new("Export verdicts as CSV…")
+                .detail("Those of all readers of the cohort, and beside it how far they agree"),
+            Self::ExportVerdictsTo(_) => Label::new("Write the verdicts"),
             Self::SetCohort(_) => Label::new("Show the cohort like this"),
             Self::AddTracts(_) => Label::new("Add these fibre tracts"),
             Self::SaveSession => Label::new("Save the session")
@@ -319,6 +347,9 @@ impl AppCommand {
                 work.doc.as_ref().is_some_and(|doc| work.world.context(doc).is_some())
             }
             Self::ShowCohort => work.cohort.is_some(),
+            Self::NextCase | Self::EndReading => work.reading().is_some(),
+            Self::ExportVerdicts => work.cohort.is_some(),
+            Self::ExportCohort | Self::ExportCohortTo(_) => work.cohort_in_front().is_some(),
             // The sample has no files.
             Self::ShowCaseFiles => work.doc.as_ref().is_some_and(|doc| doc.case != CaseRef::Sample),
             Self::GoToGrowth | Self::ShowAlign | Self::ChooseTransform(_) | Self::AlignByFile(..) => {

@@ -2,21 +2,28 @@
 //! the command line use it too.
 
 use std::{
+    collections::BTreeSet,
     path::{Path, PathBuf},
     time::{Instant, SystemTime},
 };
 
+use glioscope_cohort::hidden_order;
 use glioscope_core::{
     case::{self, Case, LoadOptions, Proposal},
     files::{Inputs, absolute},
 };
 
+use glioscope_render::MaskColors;
+
 use super::{Command, EditCommand};
 use crate::{
     error::AppError,
     model::{
-        Answer, Answers, CaseRef, Document, Edit, History, PictureSize, Place, Session, cohort::OpenCohort,
-        masks::MaskLooks, rulers::MOST_RULERS, session,
+        Answer, Answers, CaseRef, Document, Edit, History, PictureSize, Place, Session,
+        cohort::{CohortReading, OpenCohort},
+        masks::{MaskLook, MaskLooks},
+        rulers::MOST_RULERS,
+        session,
     },
     world::{
         Loaded, World,
@@ -105,6 +112,12 @@ pub struct Workstation {
     pub notice: Option<String>,
 }
 
+/// A, B, … Z, AA, AB, …
+fn letters(place: usize) -> String {
+    let letter = char::from(b'A' + (place % 26) as u8);
+    if place < 26 { letter.to_string() } else { format!("{}{letter}", letters(place / 26 - 1)) }
+}
+
 impl Workstation {
     /// A workstation with an open case.
     pub fn with_case(case: CaseRef, loaded: Loaded) -> Self {
@@ -154,6 +167,51 @@ impl Workstation {
     /// The cohort, where it is in front of the case.
     pub fn cohort_in_front(&self) -> Option<&OpenCohort> {
         self.cohort.as_ref().filter(|cohort| cohort.is_shown)
+    }
+
+    /// The reading list, while one is read.
+    pub fn reading(&self) -> Option<&CohortReading> {
+        self.cohort.as_ref()?.reading.as_ref()
+    }
+
+    /// The case that is read, where it is the one that is open.
+    pub fn read_case(&self) -> Option<&str> {
+        let (case, path) = self.reading()?.current.as_ref()?;
+        let doc = self.doc.as_ref().filter(|_| self.job.is_none())?;
+        let is_open = match &doc.case {
+            CaseRef::Path(open) => open == path,
+            CaseRef::Files { folder, .. } => folder == path,
+            CaseRef::Sample | CaseRef::Arguments { .. } => false,
+        };
+        (is_open || self.session_path.as_ref() == Some(path)).then_some(case.as_str())
+    }
+
+    /// Where names are hidden from the reader, calls the masks of the case that is read by letters, in another order for each case, with
+    /// the colours of these.
+    pub fn hide_names(&mut self) {
+        let Some(seed) =
+            self.reading().filter(|reading| reading.verdicts.names_hidden).map(|r| r.verdicts.seed)
+        else {
+            return;
+        };
+        let Some(case) = self.read_case().map(str::to_owned) else { return };
+        let (Some(loaded), Some(doc)) = (self.world.case(), &mut self.doc) else { return };
+        let masks = loaded.time_points.iter().flat_map(|time| &time.masks).map(|mask| mask.mask.id());
+        let ids: BTreeSet<&str> = masks.collect();
+        let order = hidden_order(seed, &case, ids.len());
+        let colors = MaskColors::new(doc.edit.palette, &vec![None; ids.len()]);
+        let mut looks = doc.edit.masks.clone();
+        for (id, place) in ids.into_iter().zip(order) {
+            let name = Some(format!("Mask {}", letters(place)));
+            looks.set(id, &MaskLook { name, color: Some(colors.mask(place)) });
+        }
+        if looks != doc.edit.masks {
+            doc.edit.masks = looks.clone();
+            // The reader did nothing that could be lost.
+            if let Some(saved) = &mut self.saved {
+                saved.masks = looks;
+            }
+        }
     }
 
     /// Opens the cohort in `folder`, in front of the case.

@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use glioscope_cohort::{Collected, Date, MOST_MASKS, Offered, Quantity, Reduce};
+use glioscope_cohort::{Agreement, Collected, Date, MOST_MASKS, Offered, Quantity, Reduce, Verdicts};
 use strum::VariantArray;
 
 /// Sides of a glyph's cell, points.
@@ -110,6 +110,17 @@ impl CohortSetting {
     }
 }
 
+/// A reading list over the cohort that is being read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CohortReading {
+    /// The reader's list, as it is in its file.
+    pub verdicts: Verdicts,
+    /// The case that is read, and what was opened for it.
+    pub current: Option<(String, PathBuf)>,
+    /// Agreement of all readers of the cohort.
+    pub agreement: Vec<Agreement>,
+}
+
 /// A cohort that is open.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OpenCohort {
@@ -121,12 +132,14 @@ pub struct OpenCohort {
     pub setting: Option<CohortSetting>,
     /// Whether it is in front of the case.
     pub is_shown: bool,
+    /// The reading list, while one is read.
+    pub reading: Option<CohortReading>,
 }
 
 impl OpenCohort {
     /// The cohort in `folder`, opened after `before`.
     pub fn new(folder: &Path, before: Option<&Self>) -> Self {
         let opened = before.map_or(0, |before| before.opened + 1);
-        Self { folder: folder.to_owned(), opened, setting: None, is_shown: true }
+        Self { folder: folder.to_owned(), opened, setting: None, is_shown: true, reading: None }
     }
 }

@@ -6,6 +6,7 @@
 mod anonymous;
 mod content;
 mod document;
+pub mod figures;
 mod filed;
 mod html;
 mod identity;
@@ -34,6 +35,7 @@ pub use document::Report;
 pub use filed::{FileKind, Filing};
 pub use html::recipe_in;
 pub use identity::Identity;
+pub use plot::{Anchor, Plot, Shape, TEXT_PT, shortened};
 pub use recipe::{Recipe, ResponseRecipe, VERSION as RECIPE_VERSION};
 pub use sentences::words;
 

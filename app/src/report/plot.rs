@@ -47,6 +47,13 @@ pub enum Shape {
         /// Its width.
         width_pt: f64,
     },
+    /// A filled polygon.
+    Area {
+        /// Its corners.
+        points: Vec<[f64; 2]>,
+        /// Its colour, sRGB.
+        color: [u8; 3],
+    },
     /// A filled circle.
     Dot {
         /// Its centre.
@@ -139,6 +146,10 @@ impl Plot {
         for shape in &self.shapes {
             // Writing into a string can't fail.
             let _ = match shape {
+                Shape::Area { points, color } => {
+                    let points: Vec<String> = points.iter().map(|[x, y]| format!("{x:.2},{y:.2}")).collect();
+                    write!(out, "<polygon points=\"{}\" fill=\"{}\"/>", points.join(" "), hex(*color))
+                }
                 Shape::Line { points, color, width_pt } => {
                     let points: Vec<String> = points.iter().map(|[x, y]| format!("{x:.2},{y:.2}")).collect();
                     write!(
@@ -224,7 +235,8 @@ fn dark(color: [u8; 3]) -> [u8; 3] {
     [r, g, b].map(|c| (c * share).round() as u8)
 }
 
-fn shortened(text: &str, letters: usize) -> String {
+/// A text of at most so many letters, at least 1.
+pub fn shortened(text: &str, letters: usize) -> String {
     if text.chars().count() <= letters {
         return text.to_owned();
     }

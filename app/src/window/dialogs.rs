@@ -45,6 +45,10 @@ pub enum Purpose {
     Masks(What),
     /// Write the rulers.
     Rulers(ExportFormat),
+    /// Write the cohort's diagrams.
+    CohortFigure,
+    /// Write the verdicts of the cohort's readers.
+    Verdicts,
     /// Write a report.
     Report(report::Options),
 }
@@ -68,6 +72,8 @@ impl Purpose {
             Self::Masks(What::Selection) => "selection.seg.nrrd".into(),
             Self::Masks(_) => "masks.seg.nrrd".into(),
             Self::Rulers(format) => format!("lines.{}", format.extension()),
+            Self::CohortFigure => "cohort.svg".into(),
+            Self::Verdicts => "verdicts.csv".into(),
             Self::Report(_) => "report.html".into(),
         })
     }
@@ -88,6 +94,8 @@ impl Purpose {
             Self::Masks(What::Selection) => "Export the selection",
             Self::Masks(_) => "Export the masks",
             Self::Rulers(_) => "Export the lines",
+            Self::CohortFigure => "Export the cohort's diagrams",
+            Self::Verdicts => "Export the verdicts",
             Self::Report(_) => "Write a report",
         }
     }
@@ -107,6 +115,8 @@ impl Purpose {
             Self::Manifest if !ends_in(&path, "toml") => with(path, "toml"),
             Self::Picture(_) if !ends_in(&path, "png") => with(path, "png"),
             Self::Masks(_) if Format::of(&path).is_none() => with(path, "seg.nrrd"),
+            Self::CohortFigure if !ends_in(&path, "svg") && !ends_in(&path, "pdf") => with(path, "svg"),
+            Self::Verdicts if !ends_in(&path, "csv") => with(path, "csv"),
             Self::Report(_) if report::FileKind::of(&path).is_none() => with(path, "html"),
             Self::Measurements(format) | Self::Rulers(format) => format.with_extension(path),
             _ => path,
@@ -128,6 +138,8 @@ impl Purpose {
             Self::Measurements(_) => AppCommand::ExportMeasurementsTo(path).into(),
             Self::Masks(what) => AppCommand::ExportMasksTo(*what, path).into(),
             Self::Rulers(_) => AppCommand::ExportRulersTo(path).into(),
+            Self::Verdicts => AppCommand::ExportVerdictsTo(path).into(),
+            Self::CohortFigure => AppCommand::ExportCohortTo(path).into(),
             Self::Report(options) => AppCommand::WriteReportTo(*options, path).into(),
         }
     }

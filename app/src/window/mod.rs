@@ -4,6 +4,7 @@ pub mod about;
 mod align;
 pub mod autosave;
 mod case_files;
+mod cohort;
 pub mod dialogs;
 mod drop;
 mod enlarged;
@@ -50,7 +51,7 @@ use crate::{
     theme,
     views::{
         Panes, Shared,
-        cohort::CohortView,
+        cohort::{CohortView, reading},
         pane::{DateInput, Input},
         pointer,
         view3d::Graphics,
@@ -266,6 +267,9 @@ impl GlioscopeApp {
                 .show(ui, |ui| menu::bar(ui, &self.work, &self.recent, &self.preferences, &places, &mut out));
             warnings::strip(ui, self.work.world.checks(), &mut self.open.warnings);
             Panel::bottom("status").show(ui, |ui| warnings::status(ui, &mut self.work, &mut out));
+            if let Some(open) = &self.work.cohort {
+                reading::bar(ui, open, self.work.read_case(), &mut out);
+            }
             CentralPanel::default().frame(fill).show(ui, |ui| self.panes(ui, &mut out));
         }
         self.palette.show(ui, &places, &mut out);
@@ -551,6 +555,7 @@ impl GlioscopeApp {
             self.recent.add(&path);
         }
         self.work.follow_alignments(Waker::of(ctx));
+        self.work.hide_names();
         if let Some(choice) = self.dialog.as_ref().and_then(Dialog::poll)
             && let Some(Dialog { purpose, .. }) = self.dialog.take()
         {

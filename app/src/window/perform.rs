@@ -4,7 +4,7 @@ use std::{path::Path, time::Instant};
 
 use super::{
     GlioscopeApp, align,
-    dialogs::{Dialog, Purpose, open_command},
+    dialogs::{Dialog, Purpose},
     enlarged::Enlarged,
     explain::Explain,
     make_mask::MakeMask,
@@ -78,6 +78,12 @@ impl GlioscopeApp {
             AppCommand::OpenDialog => self.open.path = Some(TypedPath::to_open()),
             AppCommand::BrowseFiles => self.open_file_dialog(ctx, Purpose::OpenFile),
             AppCommand::BrowseFolders => self.open_file_dialog(ctx, Purpose::OpenFolder),
+            AppCommand::BeginReading { .. }
+            | AppCommand::NextCase
+            | AppCommand::GiveVerdict(_)
+            | AppCommand::EndReading
+            | AppCommand::ExportVerdicts
+            | AppCommand::ExportVerdictsTo(_) => self.perform_reading(ctx, command),
             AppCommand::OpenCohort => self.open.path = Some(TypedPath::to_open_cohort()),
             AppCommand::BrowseCohorts => self.open_file_dialog(ctx, Purpose::OpenCohort),
             AppCommand::OpenCohortAt(folder) => {
@@ -85,6 +91,8 @@ impl GlioscopeApp {
                 self.recent.add(folder);
             }
             AppCommand::OpenCohortCase(case) => self.open_cohort_case(ctx, case),
+            AppCommand::ExportCohort => self.open_file_dialog(ctx, Purpose::CohortFigure),
+            AppCommand::ExportCohortTo(path) => self.export_cohort(ctx, path),
             AppCommand::ShowCohort => {
                 let has_case = self.work.doc.is_some();
                 if let Some(cohort) = &mut self.work.cohort {
@@ -203,15 +211,6 @@ impl GlioscopeApp {
                 self.preferences.save();
             }
             AppCommand::Quit => self.quit(ctx),
-        }
-    }
-
-    /// Opens a case of the cohort from the files that its results name.
-    fn open_cohort_case(&mut self, ctx: &Context, case: &str) {
-        let Some(collected) = self.results.cohort.last() else { return };
-        match collected.source(case) {
-            Ok(path) => self.perform(ctx, &open_command(path), Instant::now()),
-            Err(error) => self.work.error = Some(error.into()),
         }
     }
 

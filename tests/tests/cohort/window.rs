@@ -11,7 +11,7 @@ use glioscope::{
         cohort::{Axis, CohortSetting, GlyphScale, Order},
     },
 };
-use glioscope_cohort::{Collected, Quantity, Reduce};
+use glioscope_cohort::{Collected, Judgement, Quantity, Reduce, Verdict, Verdicts};
 use glioscope_core::Progress;
 use glioscope_tests::{
     MASK_COLORS, Window, count_color, error_text, perform, print_line, wait_for_workers,
@@ -183,6 +183,110 @@ fn a_brush_filters_and_a_click_clears_it() {
     assert!(window.query_by_label("60 of 60 cases shown").is_some());
 }
 
+#[test]
+fn the_grid_is_written_as_svg_and_pdf() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    synthetic::cohort(&out, 60);
+    let mut window = window(&out, Theme::Dark);
+    set(&mut window, |setting| setting.search = "case-0001".into());
+    let write = |window: &mut Window, name: &str| {
+        let path = folder.path().join(name);
+        perform(window, AppCommand::ExportCohortTo(path.clone()));
+        wait_for_workers(window);
+        assert_eq!(error_text(window), "");
+        std::fs::read(path).unwrap()
+    };
+    let svg = String::from_utf8(write(&mut window, "a.svg")).unwrap();
+    let named = (0..60).filter(|n| svg.contains(&format!(">case-{n:05}<"))).collect::<Vec<_>>();
+    assert_eq!(named, (10..20).collect::<Vec<_>>(), "those shown, and no other");
+    assert!(svg.contains("cases 1 to 10 of 10 shown (60 in the cohort)") && svg.contains(">net<"), "{svg}");
+    // Every region has a polygon for each of its masks: at least one ring of nine layers and three sectors, and the bar.
+    let polygons = svg.matches("<polygon").count();
+    assert!((10 * 10..10 * 13 + 20).contains(&polygons), "{polygons}");
+    let pdf = write(&mut window, "a.pdf");
+    assert!(
+        pdf.starts_with(b"%PDF-") && pdf == write(&mut window, "b.pdf"),
+        "the same figure, the same bytes"
+    );
+    if let Ok(pictures) = std::env::var("GLIOSCOPE_TEST_PICTURES") {
+        for name in ["a.svg", "a.pdf"] {
+            std::fs::copy(folder.path().join(name), Path::new(&pictures).join(format!("cohort-{name}")))
+                .unwrap();
+        }
+    }
+}
+
+#[test]
+fn cases_are_read_in_a_random_order_without_names_and_verdicts_are_saved_at_once() {
+    let (_folder, out) = computed(4);
+    let mut window = window(&out, Theme::Light);
+    let begin = || AppCommand::BeginReading { reader: "Dr A".into(), seed: 5, names_hidden: true };
+    perform(&mut window, begin());
+    wait_for_workers(&mut window);
+    assert_eq!(error_text(&window), "");
+    let lists = || Verdicts::all(&out).unwrap().remove(0);
+    let order: Vec<String> = lists().cases.into_iter().map(|(case, _)| case).collect();
+    assert_eq!(window.state().work.read_case(), Some(order[0].as_str()));
+    let hidden = |window: &Window| {
+        let work = &window.state().work;
+        let ids = ["ref", "a", "b", "c"];
+        let mut names = ids.map(|id| work.doc.as_ref().unwrap().edit.masks.name(id));
+        let of_ids = names.clone();
+        names.sort();
+        assert_eq!(names, ["Mask A", "Mask B", "Mask C", "Mask D"]);
+        assert!(!work.has_unsaved_work(), "the reader did nothing");
+        of_ids
+    };
+    let mut seen = vec![hidden(&window)];
+    picture(&mut window, "cohort-reading");
+    window.get_by_label("Mend").click();
+    window.run_ok();
+    window.get_by_label("4 of 5 stars").click();
+    window.run_ok();
+    let given = lists().of(&order[0]);
+    assert_eq!((given.judgement, given.stars), (Some(Judgement::Mend), Some(4)), "saved at once");
+    assert!(window.query_by_label("1 of 4 cases read").is_some());
+    for case in &order[1..] {
+        window.key_press(egui::Key::N);
+        window.run_ok();
+        wait_for_workers(&mut window);
+        assert_eq!(window.state().work.read_case(), Some(case.as_str()));
+        seen.push(hidden(&window));
+    }
+    seen.dedup();
+    assert!(seen.len() > 1, "another order of names for each case");
+    // The cohort's tables name who made what.
+    window.key_press(egui::Key::F4);
+    window.run_ok();
+    assert!(cells(&window).is_empty());
+    perform(&mut window, AppCommand::EndReading);
+    wait_for_workers(&mut window);
+    assert_eq!(cells(&window).len(), 4);
+    // Another reader, who sees names, agrees on the one case that both have judged.
+    let mut other = Verdicts::begin(&out, "B", 9, false, &order).unwrap();
+    let mend = Verdict { judgement: Some(Judgement::Mend), stars: Some(2), reasons: "=1".into() };
+    other.give(&out, &order[0], mend).unwrap();
+    perform(&mut window, begin());
+    wait_for_workers(&mut window);
+    assert_eq!(
+        window.state().work.read_case(),
+        Some(order[1].as_str()),
+        "goes on with the first one without a verdict"
+    );
+    let path = out.with_file_name("verdicts.csv");
+    perform(&mut window, AppCommand::ExportVerdictsTo(path.clone()));
+    assert_eq!(error_text(&window), "");
+    let csv = std::fs::read_to_string(&path).unwrap();
+    let position = other.cases.iter().position(|(case, _)| *case == order[0]).unwrap() + 1;
+    assert!(csv.contains(&format!("B,9,false,{position},{},mend,2,'=1\r\n", order[0])), "{csv}");
+    let agreement = std::fs::read_to_string(out.with_file_name("verdicts-agreement.csv")).unwrap();
+    assert!(
+        agreement.contains("Cohen's kappa,B; Dr A,1,") && agreement.contains("ICC(2,1) of stars"),
+        "{agreement}"
+    );
+}
+
 /// What is measured is printed, with pictures where they are asked for; what is asserted is generous.
 #[test]
 fn ten_thousand_cases_are_drawn_as_quickly_as_two_hundred() {
@@ -216,6 +320,7 @@ fn ten_thousand_cases_are_drawn_as_quickly_as_two_hundred() {
                     unit,
                     delta: vec2(0.0, -60.0),
                     phase,
+                    source: egui::MouseWheelSource::Wheel,
                     modifiers: egui::Modifiers::NONE,
                 });
                 let started = Instant::now();

@@ -249,6 +249,7 @@ fn plot(surface: &mut Surface<'_>, one: &Plot, fonts: &Fonts) {
     for shape in &one.shapes {
         match shape {
             Shape::Line { points, color, width_pt } => polyline(surface, points, *color, *width_pt),
+            Shape::Area { points, color } => polygon(surface, points, *color),
             Shape::Dot { at, color } if is_drawable(*at) => circle(surface, *at, *color),
             Shape::Word { at, anchor, text: word, color } if is_drawable(*at) => {
                 let free = match anchor {
@@ -277,6 +278,22 @@ fn plot(surface: &mut Surface<'_>, one: &Plot, fonts: &Fonts) {
 /// Whether a place can be written; PDF's numbers end at about 32767 in old readers.
 fn is_drawable(at: [f64; 2]) -> bool {
     at.iter().all(|length| length.is_finite() && length.abs() < 30_000.0)
+}
+
+fn polygon(surface: &mut Surface<'_>, points: &[[f64; 2]], color: [u8; 3]) {
+    let mut path = PathBuilder::new();
+    for (n, [x, y]) in points.iter().filter(|at| is_drawable(**at)).enumerate() {
+        match n {
+            0 => path.move_to(*x as f32, *y as f32),
+            _ => path.line_to(*x as f32, *y as f32),
+        }
+    }
+    path.close();
+    if let Some(path) = path.finish() {
+        surface.set_fill(Some(fill(color)));
+        surface.set_stroke(None);
+        surface.draw_path(&path);
+    }
 }
 
 fn polyline(surface: &mut Surface<'_>, points: &[[f64; 2]], color: [u8; 3], width_pt: f64) {

@@ -4,7 +4,7 @@ use egui::{Slider, Stroke, StrokeKind, TextEdit, Ui, vec2};
 use glioscope_cohort::{Collected, Date, MOST_MASKS};
 use strum::VariantArray;
 
-use super::{color::Colors, glyph::Glyphs, grid, picker};
+use super::{color::Colors, glyph::Glyphs, grid, picker, reading};
 use crate::{
     command::{AppCommand, Command, Commands},
     format,
@@ -70,6 +70,9 @@ pub fn show(
         let slider = Slider::new(&mut new.cell_points, CELL_POINTS).show_value(false);
         let response = ui.add(slider).on_hover_text("Size of the diagrams");
         draw::name_widget(ui, &response, "Size of the diagrams");
+        if open.reading.is_none() {
+            reading::begin(ui, out);
+        }
         if has_case
             && ui
                 .button("Back to the case")

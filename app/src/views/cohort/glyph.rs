@@ -112,7 +112,6 @@ pub fn add(mesh: &mut Mesh, glyph: &Glyph, center: Pos2, shrunk: f64, colors: &M
 }
 
 /// The outline of each part of a glyph as a polygon, with its colour: for files. Points are relative to the centre.
-#[cfg(test)]
 pub fn outlines(glyph: &Glyph, shrunk: f64, colors: &MaskColors) -> Vec<(Vec<[f64; 2]>, [u8; 3])> {
     let of = |([from, to], [inner, outer], mask): ([f64; 2], [f64; 2], usize)| {
         let arc = |radius: f64| paint::arc(Pos2::ZERO, from, to, radius * shrunk);

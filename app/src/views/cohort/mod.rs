@@ -4,9 +4,11 @@
 
 mod color;
 mod controls;
+mod figure;
 mod glyph;
 mod grid;
 mod picker;
+pub mod reading;
 mod strip;
 
 use std::sync::Arc;
@@ -24,6 +26,7 @@ use crate::{
     },
 };
 use color::Colors;
+pub use figure::Figure;
 use glyph::Glyphs;
 
 /// The cohort's view: what is derived from the tables.
@@ -59,14 +62,17 @@ impl CohortView {
                 return;
             }
         };
+        if open.reading.as_ref().is_some_and(|reading| reading.verdicts.names_hidden) {
+            // The tables name who made what.
+            let rect = ui.available_rect_before_wrap();
+            draw::message(ui, rect, "Names are hidden while you read. End reading to see the cohort.");
+            return;
+        }
         self.columns.turn_to(&collected);
         let setting = open.setting.clone().unwrap_or_else(|| CohortSetting::suited_to(&collected));
         let is_new = self.order(&collected, &setting);
         let glyphs = self.glyphs(&collected, &setting, ask);
-        let colors = setting.color.as_ref().map(|quantity| {
-            let unit = self.columns.offer(quantity).map_or("", |offer| offer.unit);
-            Colors::new(self.columns.get(&collected, quantity), unit)
-        });
+        let colors = self.colors(&collected, &setting);
         let Self { columns, shown, .. } = self;
         let shown: &[usize] = shown.as_ref().map_or(&[], |(_, _, cases)| cases);
         Panel::top("cohort controls").show(ui, |ui| {
@@ -91,6 +97,23 @@ impl CohortView {
             };
             grid::show(ui, &input, columns, out);
         });
+    }
+
+    fn colors(&mut self, collected: &Collected, setting: &CohortSetting) -> Option<Colors> {
+        let quantity = setting.color.as_ref()?;
+        let unit = self.columns.offer(quantity).map_or("", |offer| offer.unit);
+        Some(Colors::new(self.columns.get(collected, quantity), unit))
+    }
+
+    /// The grid as a figure, as it was last drawn; `None` before that.
+    pub fn figure(&mut self, open: &OpenCohort, cohorts: &Cohorts) -> Option<Figure> {
+        let collected = cohorts.last()?.clone();
+        let setting = open.setting.clone().unwrap_or_else(|| CohortSetting::suited_to(&collected));
+        let (shown, glyphs) = (self.shown.as_ref()?.2.clone(), self.glyphs.last()?.clone());
+        let colors = self.colors(&collected, &setting);
+        let name =
+            open.folder.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+        Some(Figure { name, collected, setting, shown, glyphs, colors })
     }
 
     /// Whether nothing that is drawn is still computed.

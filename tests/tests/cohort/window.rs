@@ -3,7 +3,7 @@
 use std::{path::Path, time::Instant};
 
 use egui::{Theme, accesskit::Role, vec2};
-use egui_kittest::kittest::Queryable;
+use egui_kittest::kittest::{NodeT, Queryable};
 use glioscope::{
     command::{AppCommand, Workstation},
     model::{

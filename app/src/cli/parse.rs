@@ -201,7 +201,7 @@ mod tests {
         assert_eq!(transfer("a/b.JSON"), Ok(TransferArgument::File("a/b.JSON".into())));
         for bad in ["", "mr", "a.toml", "json"] {
             let expected = transfer(bad).unwrap_err();
-            assert!(expected.contains("ct-vessel-shapes or a file .json"), "{expected}");
+            assert!(expected.contains("ct-vessel-shapes, pet-shapes or a file .json"), "{expected}");
         }
     }
 

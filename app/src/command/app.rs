@@ -98,7 +98,7 @@ impl AppCommand {
             AppKind::OpenSample => vec![listed(Self::OpenSample).menu(Menu::File, 0)],
             AppKind::ShowPacs => vec![listed(Self::ShowPacs).menu(Menu::File, 0)],
             AppKind::OpenCohort => vec![listed(Self::OpenCohort).menu(Menu::File, 0)],
-            AppKind::NextCase => vec![listed(Self::NextCase).key(Key::N)],
+            AppKind::NextCase => vec![listed(Self::NextCase).key(Key::F8)],
             AppKind::EndReading => vec![listed(Self::EndReading)],
             AppKind::ExportVerdicts => vec![listed(Self::ExportVerdicts)],
             AppKind::ExportCohort => vec![listed(Self::ExportCohort).menu(Menu::File, 2)],

@@ -144,6 +144,7 @@ impl Workstation {
 
     /// Replaces the current case; starts with `document`, or with the initial one.
     fn install(&mut self, case: CaseRef, loaded: Loaded, document: Option<Document>) {
+        let before = self.doc.as_ref().map(|doc| (self.world.time_point_count(), doc.edit.layout.clone()));
         self.world = World::new(loaded);
         // Whoever opens a case wants to see it.
         if let Some(cohort) = &mut self.cohort {
@@ -155,6 +156,12 @@ impl Workstation {
         self.doc = document.or_else(|| {
             let mut doc = Document::new(case, first?, self.world.time_point_count());
             doc.edit.masks = self.world.case().map(|case| MaskLooks::of_case(case)).unwrap_or_default();
+            // Whoever reads case after case has arranged the panes for them; with several dates other panes matter.
+            if let Some((count, layout)) = before
+                && (count > 1) == (self.world.time_point_count() > 1)
+            {
+                doc.edit.layout = layout;
+            }
             Some(doc)
         });
         if let Some(doc) = &mut self.doc {

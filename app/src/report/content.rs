@@ -164,12 +164,12 @@ impl Content<'_> {
         let Reading { conclusion, reader, day } = &self.doc.edit.reading;
         let lines = conclusion.lines().map(str::trim).filter(|line| !line.is_empty());
         let mut blocks: Vec<Block> = lines.map(|line| Block::Text(self.redactor.text(line))).collect();
-        if !reader.trim().is_empty() {
-            let mut reader = self.redactor.text(reader.trim());
-            if !day.is_empty() {
-                reader = format!("{reader}, {day}");
-            }
-            blocks.push(Block::Facts(vec![(self.words.get("read-by"), reader)]));
+        let is_named = !reader.trim().is_empty();
+        if is_named || !blocks.is_empty() {
+            let reader =
+                if is_named { self.redactor.text(reader.trim()) } else { self.words.get("reader-unnamed") };
+            let day = if day.is_empty() { String::new() } else { format!(", {day}") };
+            blocks.push(Block::Facts(vec![(self.words.get("read-by"), format!("{reader}{day}"))]));
         }
         if !blocks.is_empty() {
             blocks.insert(0, Block::Heading(self.words.get("section-conclusion")));

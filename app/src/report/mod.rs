@@ -26,7 +26,7 @@ use glioscope_core::{
     change::{self, ChangeReport, Choice},
     lesions::LesionsReport,
     measure,
-    response::Evaluated,
+    response::{Evaluated, NewLesion},
 };
 use glioscope_render::flat::Convention;
 
@@ -210,14 +210,21 @@ pub fn make(
     Ok(Report { language: words.get("language-code"), title, blocks, recipe })
 }
 
-/// The calls of the last date in a sentence, and its new lesions in another, for the conclusion.
+/// The calls of the last date in a sentence, and in another the new lesions of the masks there, unless the reader states that there are none.
 pub fn calls_in_words(
     evaluated: &Evaluated,
     lesions: Option<&LesionsReport>,
     words: &Words,
 ) -> Option<String> {
     let calls = responses::sentence(evaluated, words)?;
-    let new = lesions.and_then(|report| responses::new_in_words(report, words));
+    let none_stated = |report: &&LesionsReport| {
+        let last = report.dates.last().map(|date| date.time.as_str());
+        let facts = evaluated.stated.date.iter().find(|facts| Some(facts.date.0.as_str()) == last);
+        let stated = facts.and_then(|facts| facts.new_lesion.as_ref());
+        stated.is_some_and(|stated| stated.value == NewLesion::None)
+    };
+    let new = lesions.filter(|report| !none_stated(report));
+    let new = new.and_then(|report| responses::new_in_words(report, words));
     Some([Some(calls), new].into_iter().flatten().collect::<Vec<_>>().join(" "))
 }
 

@@ -95,7 +95,7 @@ pub fn show(
                 *words = report::words(options.language);
             }
             let calls = evaluated.and_then(|evaluated| report::calls_in_words(evaluated, lesions, words));
-            reading(ui, doc, calls, out);
+            reading(ui, doc, calls, options.identity == Identity::Full, out);
             pictures(ui, case, doc, out);
         }
         ui.add_space(6.0);
@@ -120,8 +120,9 @@ pub fn show(
     }
 }
 
-/// The conclusion, and who signs it. `calls`: those of the response in a sentence, which can be taken over.
-fn reading(ui: &mut Ui, doc: &Document, calls: Option<String>, out: &mut Commands) {
+/// The conclusion, and who signs it. `calls`: those of the response in a sentence, which can be taken over; `names_reader`:
+/// whether the report will name the reader.
+fn reading(ui: &mut Ui, doc: &Document, calls: Option<String>, names_reader: bool, out: &mut Commands) {
     let mut new = doc.edit.reading.clone();
     ui.add_space(6.0);
     let label = ui.strong("Conclusion");
@@ -146,8 +147,15 @@ fn reading(ui: &mut Ui, doc: &Document, calls: Option<String>, out: &mut Command
     ui.horizontal(|ui| {
         let label = ui.label("Read by");
         let field = egui::TextEdit::singleline(&mut new.reader).desired_width(200.0).char_limit(MOST_READER);
-        ui.add(field).labelled_by(label.id).on_hover_text("Printed where the patient is named in full");
+        ui.add(field).labelled_by(label.id);
     });
+    // Always a line, so that nothing moves.
+    let told = if names_reader {
+        "Printed with the day"
+    } else {
+        "Not printed, as the patient isn't named in full; the day is"
+    };
+    ui.weak(told);
     if new != doc.edit.reading {
         new.day = Timestamp::now().strftime("%Y-%m-%d").to_string();
         out.push(EditCommand::SetReading(Box::new(new)));

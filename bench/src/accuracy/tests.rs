@@ -142,13 +142,16 @@ fn more_rays_and_point_pairs_are_more_accurate() {
 #[test]
 fn cones_on_masks_converge_to_monte_carlo() {
     let MeasuredFamily { curves, .. } = measure_tiny("masks");
-    let [cones, vicinity] = &curves[..] else { panic!() };
+    let [cones, vicinity, layers] = &curves[..] else { panic!() };
     let at = |c: &Curve, name: &str| c.points.iter().find(|p| p.setting == name).unwrap().error_rms;
     let (one, many) = (at(cones, "1 sub-cones, voxels"), at(cones, "16 sub-cones, voxels"));
     assert!(many < 0.5 * one, "{one} {many}");
     assert!(at(cones, "reference") < at(cones, "draft"));
     assert!(many < vicinity.points.iter().map(|p| p.error_rms).fold(f64::INFINITY, f64::min));
-    assert_eq!(defaults(&curves), [3, 3]);
+    let (fine, coarse) = (at(layers, "cells 1, layers 1 mm"), at(layers, "cells 4, layers 1 mm"));
+    assert!(fine != coarse && coarse < 1.2 * fine, "{fine} {coarse}");
+    // Balanced's cells aren't among the tiny settings.
+    assert_eq!(defaults(&curves), [3, 3, 0]);
 }
 
 /// Along the path of the presets the error falls as the cost rises.

@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, sync::Arc};
 use egui_kittest::kittest::Queryable;
 use glioscope::{
     command::{AppCommand, EditCommand},
-    model::{PaneId, PictureSize, Ruler, Shape},
+    model::{PaneId, PictureSize, Reading, Ruler, Shape},
     window::{dialogs::Choice, recent::Recent},
 };
 use glioscope_core::{
@@ -174,6 +174,9 @@ fn the_report_dialog_writes_what_was_chosen_of_what_is_shown() {
     let mut harness = sample();
     let answer = out.clone();
     harness.state_mut().chooser = Arc::new(move |_, _| Choice::Path(answer.clone()));
+    let conclusion = "Stabil.".to_owned();
+    let reading = Reading { conclusion, reader: "Dr. Kanarienvogel".into(), day: "2024-05-02".into() };
+    perform(&mut harness, EditCommand::SetReading(Box::new(reading)));
     perform(&mut harness, AppCommand::ShowReport);
     harness.get_by_label("Initials").click_accesskit();
     harness.run_ok();
@@ -195,4 +198,7 @@ fn the_report_dialog_writes_what_was_chosen_of_what_is_shown() {
     {
         assert!(page.contains(expected), "{expected}");
     }
+    // That the reader isn't named is said; the day is.
+    assert!(page.contains("Stabil.") && page.contains("in diesem Bericht nicht genannt, 2024-05-02"));
+    assert!(!page.contains("Kanarienvogel"));
 }

@@ -193,6 +193,36 @@ fn new_lesions_of_the_masks_are_asked_about_and_stand_in_the_conclusion() {
     assert!(reading.conclusion.contains("New: B (0.2"), "{}", reading.conclusion);
     assert_eq!(reading.reader, "A. B.");
     assert_eq!(reading.day.len(), 10, "{}", reading.day);
+    // Whether the reader will be named is said, not in a tip alone.
+    assert!(harness.query_by_label_contains("Not printed, as the patient isn't named").is_some());
+    harness.get_by_label_contains("In full, with file names").click();
+    harness.run_ok();
+    assert!(harness.query_by_label("Printed with the day").is_some());
+    click(&mut harness, "Cancel");
+    // Who states that there are none isn't contradicted by the conclusion.
+    perform(&mut harness, EditCommand::SetReading(Box::default()));
+    click(&mut harness, "New lesions at 2024-03-01: none");
+    click(&mut harness, "Write a report…");
+    click(&mut harness, "Take over the calls");
+    let conclusion = doc(&harness).edit.reading.conclusion.clone();
+    assert!(conclusion.contains("RANO 2010") && !conclusion.contains("New:"), "{conclusion}");
+}
+
+/// A reader arranges the panes once for a stack of cases; with one date other panes matter.
+#[test]
+fn the_next_case_of_several_dates_keeps_the_layout() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut harness = opened(folder.path());
+    perform(&mut harness, EditCommand::SetTask(Task::Response));
+    let arranged = doc(&harness).edit.layout.clone();
+    perform(&mut harness, AppCommand::Open(CaseRef::Sample));
+    wait_for_workers(&mut harness);
+    assert_eq!(doc(&harness).edit.layout, arranged);
+    let one = format!("T={}", balls(&folder.path().join("one.nii"), &[([30.0, 30.0, 20.0], 6.0)]));
+    let one = CaseRef::Arguments { masks: vec![one], contexts: Vec::new() };
+    perform(&mut harness, AppCommand::Open(one));
+    wait_for_workers(&mut harness);
+    assert_ne!(doc(&harness).edit.layout, arranged);
 }
 
 #[test]

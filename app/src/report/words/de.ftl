@@ -123,6 +123,7 @@ not-measurable = nicht messbar
 section-response = Ansprechen nach { $criteria }
 section-conclusion = Beurteilung
 read-by = Befundet von
+reader-unnamed = in diesem Bericht nicht genannt
 section-bt-rads = BT-RADS
 bt-rads-note = Bedeutung der Kategorien: btrads.com; die Folge der Fragen nach Programmtext, der das Formular umsetzt.
 response-note = Nach Kriterien, wie öffentliche Beschreibungen sie wiedergeben; die Volltexte der Arbeiten wurden nicht gelesen. Nicht für klinische Entscheidungen. Die Begründungen sind Sätze des Programms.

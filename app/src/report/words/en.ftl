@@ -123,6 +123,7 @@ not-measurable = not measurable
 section-response = Response by { $criteria }
 section-conclusion = Conclusion
 read-by = Read by
+reader-unnamed = not named in this report
 section-bt-rads = BT-RADS
 bt-rads-note = Meanings of the categories: btrads.com; the order of questions follows code that implements the form.
 response-note = By criteria as public descriptions give them; the papers' full texts were not read. Not for clinical decisions. The words of the reasons are the program's own.

@@ -248,7 +248,7 @@ fn cases_are_read_in_a_random_order_without_names_and_verdicts_are_saved_at_once
     assert_eq!((given.judgement, given.stars), (Some(Judgement::Mend), Some(4)), "saved at once");
     assert!(window.query_by_label("1 of 4 cases read").is_some());
     for case in &order[1..] {
-        window.key_press(egui::Key::N);
+        window.key_press(egui::Key::F8);
         window.run_ok();
         wait_for_workers(&mut window);
         assert_eq!(window.state().work.read_case(), Some(case.as_str()));

@@ -264,3 +264,20 @@ fn text(edit: &Edit) -> String {
         Edit::Name { at: one, name } => format!("{} named {name}", at(one)),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::command::listed;
+
+    /// A shortcut is heard before the pane: its key would do something else there.
+    #[test]
+    fn no_shortcut_has_a_key_of_the_pane() {
+        for key in [VERIFY, UNLINK, JOIN, NEXT] {
+            let taken = listed().iter().find(|listed| {
+                listed.keys.is_some_and(|keys| keys.logical_key == key && keys.modifiers.is_none())
+            });
+            assert!(taken.is_none(), "{key:?} is {:?}", taken.map(|listed| &listed.command));
+        }
+    }
+}

@@ -215,13 +215,35 @@ fn the_next_case_of_several_dates_keeps_the_layout() {
     let mut harness = opened(folder.path());
     perform(&mut harness, EditCommand::SetTask(Task::Response));
     let arranged = doc(&harness).edit.layout.clone();
-    perform(&mut harness, AppCommand::Open(CaseRef::Sample));
     wait_for_workers(&mut harness);
+    // What is chosen is a lesion of this case, not one at the same place of the next.
+    let nothing = "Select a component or a link";
+    issue(&mut harness, EditCommand::MaximizePane(PaneId::Lesions));
+    wait_for_workers(&mut harness);
+    assert!(harness.query_by_label(nothing).is_some());
+    harness.get_by_label_contains("Lesion A at 2024-06-01").click();
+    wait_for_workers(&mut harness);
+    assert!(harness.query_by_label(nothing).is_none());
+    let other = tempfile::tempdir().unwrap();
+    let mask = |date: &str| {
+        format!("T={}@{date}", balls(&other.path().join(format!("{date}.nii")), &[([30.0, 30.0, 20.0], 9.0)]))
+    };
+    let masks = ["2024-01-01", "2024-03-01", "2024-06-01"].map(mask).to_vec();
+    let open = |harness: &mut Window, case: CaseRef| {
+        perform(harness, AppCommand::Open(case.clone()));
+        if harness.query_by_label("Discard").is_some() {
+            click(harness, "Discard");
+        }
+        wait_for_workers(harness);
+        assert_eq!(doc(harness).case, case);
+    };
+    open(&mut harness, CaseRef::Arguments { masks, contexts: Vec::new() });
     assert_eq!(doc(&harness).edit.layout, arranged);
-    let one = format!("T={}", balls(&folder.path().join("one.nii"), &[([30.0, 30.0, 20.0], 6.0)]));
-    let one = CaseRef::Arguments { masks: vec![one], contexts: Vec::new() };
-    perform(&mut harness, AppCommand::Open(one));
+    issue(&mut harness, EditCommand::MaximizePane(PaneId::Lesions));
     wait_for_workers(&mut harness);
+    assert!(harness.query_by_label(nothing).is_some());
+    let one = format!("T={}", balls(&folder.path().join("one.nii"), &[([30.0, 30.0, 20.0], 6.0)]));
+    open(&mut harness, CaseRef::Arguments { masks: vec![one], contexts: Vec::new() });
     assert_ne!(doc(&harness).edit.layout, arranged);
 }
 

@@ -14,7 +14,7 @@ use super::{
 };
 use crate::{
     command::{Commands, EditCommand},
-    model::{LesionSetting, lesions::SMALLEST_ML},
+    model::{CaseRef, LesionSetting, lesions::SMALLEST_ML},
     world::jobs::{Lookup, progress_text},
 };
 use selected::Selected;
@@ -22,6 +22,8 @@ use selected::Selected;
 /// The pane of lesions.
 #[derive(Default)]
 pub struct LesionsPane {
+    /// The case that the rest is of: another one's dates may have the same labels.
+    of: Option<CaseRef>,
     selected: Selected,
     /// Whether small lesions are shown too.
     small: bool,
@@ -42,6 +44,9 @@ impl Pane for LesionsPane {
 impl LesionsPane {
     fn content(&mut self, ui: &mut Ui, stage: &mut Stage<'_>, out: &mut Commands) {
         let input = stage.input;
+        if self.of.as_ref() != Some(&input.doc.case) {
+            *self = Self { of: Some(input.doc.case.clone()), small: self.small, ..Self::default() };
+        }
         let setting = &input.doc.edit.lesions;
         let Some(mask) = setting.mask(input.case, &input.doc.edit.change) else {
             ui.weak("The case has no mask");

@@ -171,7 +171,7 @@ fn why(ui: &mut Ui, criterion: Criterion, title: &str, judgement: &Judgement, ab
     ui.indent(title, |ui| {
         if !judgement.possible.is_empty() {
             let all: Vec<&str> = judgement.possible.iter().map(|call| call.short()).collect();
-            ui.colored_label(warn, format!("what is unknown leaves: {}", all.join("; ")));
+            ui.colored_label(warn, format!("without assumptions it may be: {}", all.join("; ")));
         }
         if let Some(dated) = &judgement.dated {
             ui.label(format!("dated at {dated}"));

@@ -379,6 +379,9 @@ impl GlioscopeApp {
         | AppCommand::ExportMeasurementsTo(path)
         | AppCommand::ExportMasksTo(_, path)
         | AppCommand::ExportRulersTo(path)
+        | AppCommand::OpenCohortAt(path)
+        | AppCommand::ExportCohortTo(path)
+        | AppCommand::ExportVerdictsTo(path)
         | AppCommand::ScreenshotTo(_, path)) = command
         else {
             return;

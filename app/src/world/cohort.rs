@@ -251,9 +251,9 @@ pub fn outlyingness(numbers: &[f64]) -> Vec<f64> {
     let mean = far.iter().sum::<f64>() / far.len() as f64;
     let mad = middle(&mut far).unwrap_or_default();
     let sd = if mad > 0.0 { mad * MAD_TO_SD } else { mean * MEAN_TO_SD };
-    let of = |number: &f64| match (number - median).abs() {
-        far if far == 0.0 => 0.0,
-        far => far / sd,
+    let of = |number: &f64| {
+        let far = (number - median).abs();
+        if far == 0.0 { 0.0 } else { far / sd }
     };
     numbers.iter().map(of).collect()
 }

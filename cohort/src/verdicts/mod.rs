@@ -299,7 +299,7 @@ mod tests {
         list.give(folder.path(), &first, given.clone()).unwrap();
         // Another window of the same reader, and this one, which doesn't know of it.
         let mut other = begin(20);
-        assert_eq!((other.of(&first), other.given()), (given.clone(), 1));
+        assert_eq!((other.of(&first), other.given()), (given, 1));
         other.give(folder.path(), &order[3], verdict(Judgement::Accept, None, "")).unwrap();
         list.give(folder.path(), &order[1], verdict(Judgement::Reject, None, "")).unwrap();
         // Two cases more: at the end, the others stay where they were.

@@ -3,7 +3,7 @@
 use std::{fmt::Write as _, path::Path};
 
 use glioscope_cohort::{CaseStatus, CohortCase, Options, Place, State, Step, StepStatus, group};
-use glioscope_core::{Progress, files::write_whole};
+use glioscope_core::Progress;
 use serde_json::{Value, json};
 
 /// A linear congruential generator (Knuth's constants).
@@ -70,7 +70,7 @@ pub fn cohort(out: &Path, cases: usize) {
         for (step, name, answer) in
             [(Step::Measure, "measure.json", measured(&voxels)), (Step::Change, "change-1.json", change)]
         {
-            write_whole(&folder.join(name), answer.to_string().as_bytes()).unwrap();
+            std::fs::write(folder.join(name), answer.to_string().as_bytes()).unwrap();
             let output = Some(name.to_owned());
             steps.push(StepStatus {
                 step,
@@ -92,7 +92,7 @@ pub fn cohort(out: &Path, cases: usize) {
             steps,
             results: Vec::new(),
         };
-        write_whole(&folder.join("status.json"), &serde_json::to_vec(&status).unwrap()).unwrap();
+        std::fs::write(folder.join("status.json"), serde_json::to_vec(&status).unwrap()).unwrap();
         all.push(CohortCase { label, path: "/nowhere".into(), history: None });
     }
     group(&all, &place, None, "0", &Progress::new()).unwrap();

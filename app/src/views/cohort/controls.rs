@@ -9,6 +9,7 @@ use crate::{
     command::{AppCommand, Command, Commands},
     format,
     model::cohort::{CELL_POINTS, CohortSetting, GlyphScale, OpenCohort, Order},
+    report::shortened,
     theme::{self, Tokens},
     views::draw,
     world::cohort::Columns,
@@ -20,6 +21,7 @@ pub fn show(
     (open, has_case): (&OpenCohort, bool),
     setting: &CohortSetting,
     (collected, columns, shown): (&Collected, &Columns, usize),
+    (colors, glyphs): (Option<&Colors>, Option<&Glyphs>),
     out: &mut Commands,
 ) {
     let mut new = setting.clone();
@@ -27,7 +29,8 @@ pub fn show(
     ui.horizontal_wrapped(|ui| {
         let name =
             open.folder.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-        ui.strong(name).on_hover_text(open.folder.display().to_string());
+        ui.add(egui::Label::new(egui::RichText::new(shortened(&name, 24)).strong()))
+            .on_hover_text(open.folder.display().to_string());
         let of = (format::count(shown as u64), format::count(collected.cases().len() as u64));
         ui.label(format!("{} of {} cases shown", of.0, of.1));
         let field = TextEdit::singleline(&mut new.search).desired_width(110.0).hint_text("Name contains");
@@ -47,6 +50,19 @@ pub fn show(
         if let Some(color) = picker::show(ui, "Colour", setting.color.as_ref(), Some("none"), of) {
             new.color = color;
         }
+        if open.reading.is_none() {
+            reading::begin(ui, out);
+        }
+        if has_case
+            && ui
+                .button("Back to the case")
+                .on_hover_text(Command::from(AppCommand::ShowCohort).tooltip())
+                .clicked()
+        {
+            out.push(AppCommand::ShowCohort);
+        }
+    });
+    ui.horizontal_wrapped(|ui| {
         masks(ui, collected, &mut new);
         for (date, word) in Date::VARIANTS.iter().zip(["First date", "Last date"]) {
             if ui
@@ -70,18 +86,10 @@ pub fn show(
         let slider = Slider::new(&mut new.cell_points, CELL_POINTS).show_value(false);
         let response = ui.add(slider).on_hover_text("Size of the diagrams");
         draw::name_widget(ui, &response, "Size of the diagrams");
-        if open.reading.is_none() {
-            reading::begin(ui, out);
-        }
-        if has_case
-            && ui
-                .button("Back to the case")
-                .on_hover_text(Command::from(AppCommand::ShowCohort).tooltip())
-                .clicked()
-        {
-            out.push(AppCommand::ShowCohort);
-        }
+        ui.separator();
+        legend(ui, setting, colors, glyphs);
     });
+    ui.add_space(4.0);
     if new != *setting {
         out.push(AppCommand::SetCohort(Box::new(new)));
     }
@@ -123,32 +131,29 @@ fn masks(ui: &mut Ui, collected: &Collected, new: &mut CohortSetting) {
 }
 
 /// What the colours of masks and bars mean, and what the scale is.
-pub fn legend(ui: &mut Ui, setting: &CohortSetting, colors: Option<&Colors>, glyphs: Option<&Glyphs>) {
+fn legend(ui: &mut Ui, setting: &CohortSetting, colors: Option<&Colors>, glyphs: Option<&Glyphs>) {
     let tokens = Tokens::in_ui(ui);
-    ui.horizontal_wrapped(|ui| {
-        let of_masks = grid::mask_colors(setting);
-        for (k, mask) in setting.masks.iter().enumerate() {
-            let (rect, _) = ui.allocate_exact_size(vec2(11.0, 11.0), egui::Sense::hover());
-            let edge = Stroke::new(1.0, tokens.second);
-            ui.painter().rect(rect, 2.0, theme::color(of_masks.mask(k)), edge, StrokeKind::Outside);
-            ui.label(mask);
-        }
-        if setting.scale == GlyphScale::Same
-            && let Some(ml) =
-                glyphs.and_then(|glyphs| glyphs.ml_per_square_point(f64::from(grid::radius(setting))))
-        {
-            // A square of a centimetre of a common screen or so.
-            let side = 20.0_f32;
-            ui.separator();
-            let (rect, _) = ui.allocate_exact_size(vec2(side, side), egui::Sense::hover());
-            ui.painter().rect_filled(rect, 0.0, tokens.second);
-            ui.label(format!("{} of a mask", format::ml(ml * f64::from(side * side))));
-        }
-        if let (Some(color), Some(colors)) = (&setting.color, colors) {
-            ui.separator();
-            ui.label(picker::title(color));
-            colors.show_legend(ui);
-        }
-    });
-    ui.add_space(4.0);
+    let of_masks = grid::mask_colors(setting);
+    for (k, mask) in setting.masks.iter().enumerate() {
+        let (rect, _) = ui.allocate_exact_size(vec2(11.0, 11.0), egui::Sense::hover());
+        let edge = Stroke::new(1.0, tokens.second);
+        ui.painter().rect(rect, 2.0, theme::color(of_masks.mask(k)), edge, StrokeKind::Outside);
+        ui.label(mask);
+    }
+    if setting.scale == GlyphScale::Same
+        && let Some(ml) =
+            glyphs.and_then(|glyphs| glyphs.ml_per_square_point(f64::from(grid::radius(setting))))
+    {
+        // A square of a centimetre of a common screen or so.
+        let side = 20.0_f32;
+        ui.separator();
+        let (rect, _) = ui.allocate_exact_size(vec2(side, side), egui::Sense::hover());
+        ui.painter().rect_filled(rect, 0.0, tokens.second);
+        ui.label(format!("{} of a mask", format::ml(ml * f64::from(side * side))));
+    }
+    if let (Some(color), Some(colors)) = (&setting.color, colors) {
+        ui.separator();
+        ui.label(picker::title(color));
+        colors.show_legend(ui);
+    }
 }

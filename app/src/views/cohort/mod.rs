@@ -76,8 +76,8 @@ impl CohortView {
         let Self { columns, shown, .. } = self;
         let shown: &[usize] = shown.as_ref().map_or(&[], |(_, _, cases)| cases);
         Panel::top("cohort controls").show(ui, |ui| {
-            controls::show(ui, (open, has_case), &setting, (&collected, columns, shown.len()), out);
-            controls::legend(ui, &setting, colors.as_ref(), glyphs.as_deref());
+            let of = (&*collected, &*columns, shown.len());
+            controls::show(ui, (open, has_case), &setting, of, (colors.as_ref(), glyphs.as_deref()), out);
         });
         Panel::bottom("cohort strip").show(ui, |ui| {
             strip::show(ui, &setting, (&collected, shown), columns, out);

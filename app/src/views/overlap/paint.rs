@@ -73,6 +73,32 @@ pub fn ring_part(
     color: Color32,
     pixel: f32,
 ) {
+    let steps = ring::arc_steps(span[0], span[1], radii[1]);
+    in_steps(mesh, center, (span, radii), widening, (color, pixel), steps);
+}
+
+/// As [`ring_part`], in half as many steps: off by at most 0.08 points, for many small rings.
+pub fn small_ring_part(
+    mesh: &mut Mesh,
+    center: Pos2,
+    span: [f64; 2],
+    radii: [f64; 2],
+    color: Color32,
+    pixel: f32,
+) {
+    let steps = ring::arc_steps(span[0], span[1], radii[1]).div_ceil(2);
+    in_steps(mesh, center, (span, radii), 0.0, (color, pixel), steps);
+}
+
+/// Adds a part of a ring in so many steps.
+fn in_steps(
+    mesh: &mut Mesh,
+    center: Pos2,
+    (span, radii): ([f64; 2], [f64; 2]),
+    widening: f64,
+    (color, pixel): (Color32, f32),
+    steps: usize,
+) {
     let [from, to] = span;
     let [inner, outer] = radii;
     if to <= from || outer <= inner {
@@ -80,7 +106,6 @@ pub fn ring_part(
     }
     let half = f64::from(pixel) / 2.0;
     let closed = to - from >= std::f64::consts::TAU - 1e-9;
-    let steps = ring::arc_steps(from, to, outer);
     // Parts thinner than a pixel are painted one pixel wide with proportionally lower alpha.
     let alpha_and_inset = |width: f64| ((width / (2.0 * half)).min(1.0), half.min(width / 2.0));
     let (radial_alpha, radial_inset) = alpha_and_inset(outer - inner);

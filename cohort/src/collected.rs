@@ -156,11 +156,6 @@ impl Collected {
         Ok(Self { folder: folder.to_owned(), names, cases, tables, case_of_row })
     }
 
-    /// The cohort's folder.
-    pub fn folder(&self) -> &Path {
-        &self.folder
-    }
-
     /// The names of the cases, sorted.
     pub fn cases(&self) -> &[String] {
         &self.cases

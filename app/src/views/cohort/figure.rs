@@ -13,7 +13,7 @@ use super::{
 use crate::{
     error::AppError,
     format,
-    model::cohort::{CohortSetting, GlyphScale},
+    model::cohort::{CohortSetting, GlyphScale, Order},
     report::{Anchor, Plot, Shape, TEXT_PT, figures, shortened},
 };
 
@@ -81,7 +81,13 @@ impl Figure {
     /// Which cases these are: `count` from number `first` on.
     fn caption(&self, first: usize, count: usize) -> String {
         let Self { collected, setting, shown, .. } = self;
-        let sorted = setting.sort.as_ref().map_or_else(|| "name".to_owned(), picker::title);
+        let order = match setting.order {
+            Order::Outliers => "outliers first",
+            Order::Ascending => "least first",
+            Order::Descending => "greatest first",
+        };
+        let by = |quantity| format!("{}, {order}", picker::title(quantity));
+        let sorted = setting.sort.as_ref().map_or_else(|| "name".to_owned(), by);
         let all = collected.cases().len();
         let scale = match setting.scale {
             GlyphScale::Own => "each diagram at its own scale",
@@ -134,7 +140,14 @@ impl Figure {
         line(10.0, masks.map(|(k, mask)| (Some(colors.mask(k)), mask.clone())).collect());
         if let (Some(quantity), Some(colors)) = (&self.setting.color, &self.colors) {
             let mut words = vec![(None, format!("Bar: {}", picker::title(quantity)))];
-            words.extend(colors.legend(false).into_iter().map(|(color, text)| (Some(rgb(color)), text)));
+            let mut legend = colors.legend(false);
+            // A ramp has its least value before it.
+            if let [(_, least), (_, next), ..] = &mut legend[..]
+                && next.is_empty()
+            {
+                words.push((None, std::mem::take(least)));
+            }
+            words.extend(legend.into_iter().map(|(color, text)| (Some(rgb(color)), text)));
             line(24.0, words);
         }
         shapes

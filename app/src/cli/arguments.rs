@@ -292,10 +292,8 @@ pub struct RenderArguments {
     /// The diagram selects whole masks.
     #[arg(long)]
     pub whole_masks: bool,
-    /// The context view's transfer function: a preset (mr-surface, mr-tissue, mr-borders, ct-skin, ct-soft, ct-bone, pet-hot,
-    /// pet-body; of shapes over value and gradient magnitude: t1c-shapes, flair-shapes, ct-bone-shapes, ct-vessel-shapes,
-    /// pet-shapes), or a file (.json) saved from the editor or written as docs/json.md has it.
-    #[arg(long, value_name = "PRESET|FILE", value_parser = parse::transfer)]
+    /// The context view's transfer function: a preset or a file.
+    #[arg(long, value_name = "PRESET|FILE", value_parser = parse::transfer, help = parse::transfer_help())]
     pub transfer: Option<TransferArgument>,
     /// Clip the context image: SIDE=MM with right, left, front, back, top or bottom removes what lies beyond that
     /// coordinate on that side. Repeat for more.

@@ -105,6 +105,20 @@ pub enum TransferArgument {
     File(PathBuf),
 }
 
+/// Names of the presets of transfer functions.
+fn presets() -> String {
+    TransferPreset::VARIANTS.iter().map(|preset| preset.into()).collect::<Vec<&str>>().join(", ")
+}
+
+/// Help of `--transfer`.
+pub fn transfer_help() -> String {
+    format!(
+        "The context view's transfer function: a preset ({}), or a file (.json) saved from the editor or written as \
+         docs/json.md has it",
+        presets()
+    )
+}
+
 /// A preset of transfer functions, by its strum name, or a file whose name ends in .json.
 pub fn transfer(text: &str) -> Result<TransferArgument, String> {
     if let Ok(preset) = text.parse() {
@@ -114,10 +128,7 @@ pub fn transfer(text: &str) -> Result<TransferArgument, String> {
     if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json")) {
         return Ok(TransferArgument::File(path));
     }
-    Err(format!(
-        "{} or a file .json",
-        TransferPreset::VARIANTS.iter().map(|p| p.into()).collect::<Vec<&str>>().join(", ")
-    ))
+    Err(format!("{} or a file .json", presets()))
 }
 
 /// The value of `--lens`.

@@ -119,7 +119,7 @@ fn materials_of_one_intensity_are_told_apart_by_their_gradient() {
         }
     }
     let any = Form::Box { values, gradients_per_mm: [0.0, 100.0], soft: 0.0 };
-    let found = hues(&ContextScene { transfer: shapes(&[(any, BLUE)]), ..both.clone() }, mode);
+    let found = hues(&ContextScene { transfer: shapes(&[(any, BLUE)]), ..both }, mode);
     assert!(found.iter().zip(&expected).all(|(f, e)| e.is_none_or(|e| f[0] == (e[0] || e[1]))));
 }
 

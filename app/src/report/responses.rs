@@ -93,18 +93,24 @@ pub fn blocks(
 /// The calls of the last date in a sentence; `None` without dates.
 pub fn sentence(evaluated: &Evaluated, words: &Words) -> Option<String> {
     let date = evaluated.response.dates.last()?;
-    let mut variables = vec![
+    let with_changes = |judgement: &Judgement| {
+        let sum = judgement.sums.first();
+        let changes = sum.and_then(|sum| sum.change_from_baseline_percent.zip(sum.change_from_nadir_percent));
+        let Some((baseline, nadir)) = changes.map(|(a, b)| (signed(a, words), signed(b, words))) else {
+            return String::new();
+        };
+        let key = if baseline == nadir { "conclusion-change" } else { "conclusion-changes" };
+        format!(" ({})", words.with(key, &[("baseline", baseline), ("nadir", nadir)]))
+    };
+    let variables = [
         ("date", date.date.clone()),
         ("criteria", evaluated.response.criterion.name().to_owned()),
         ("diameters", call(&date.by_diameters, words)),
+        ("diameters-change", with_changes(&date.by_diameters)),
         ("volume", call(&date.by_volume, words)),
+        ("volume-change", with_changes(&date.by_volume)),
     ];
-    let sum = date.by_diameters.sums.first();
-    let changes = sum.and_then(|sum| sum.change_from_baseline_percent.zip(sum.change_from_nadir_percent));
-    let Some((baseline, nadir)) = changes else { return Some(words.with("conclusion-calls", &variables)) };
-    variables.push(("baseline", signed(baseline, words)));
-    variables.push(("nadir", signed(nadir, words)));
-    Some(words.with("conclusion-call-changes", &variables))
+    Some(words.with("conclusion-calls", &variables))
 }
 
 /// The lesions that are new at the last date, in a sentence; `None` without any.

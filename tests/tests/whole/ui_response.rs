@@ -191,6 +191,9 @@ fn new_lesions_of_the_masks_are_asked_about_and_stand_in_the_conclusion() {
     click(&mut harness, "Take over the calls");
     let reading = doc(&harness).edit.reading.clone();
     assert!(reading.conclusion.contains("New: B (0.2"), "{}", reading.conclusion);
+    // Nothing but the new lesion changed: once, as the baseline is the lowest.
+    let unchanged = "by diameters (+0.0 % from baseline), cannot say by volume.";
+    assert!(reading.conclusion.contains(unchanged), "{}", reading.conclusion);
     assert_eq!(reading.reader, "A. B.");
     assert_eq!(reading.day.len(), 10, "{}", reading.day);
     // Whether the reader will be named is said, not in a tip alone.

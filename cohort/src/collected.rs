@@ -70,6 +70,9 @@ pub struct Offered {
     pub is_text: bool,
 }
 
+/// The most voxels of a region: so that sums of regions don't overflow, whatever a table says.
+const MOST_VOXELS: u64 = 1 << 50;
+
 /// Which date of a case.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Display, VariantArray)]
 #[strum(serialize_all = "lowercase")]
@@ -341,7 +344,8 @@ impl Collected {
             if count >= 1.0 && volume.is_finite() {
                 overlaps.voxel_ml = volume / count;
                 if bits != 0 {
-                    overlaps.voxels[bits] += count as u64;
+                    overlaps.voxels[bits] =
+                        overlaps.voxels[bits].saturating_add(count as u64).min(MOST_VOXELS);
                 }
             }
         }

@@ -145,7 +145,7 @@ pub struct ReportArguments {
     /// The file (.html, .pdf, .md; as DICOM: .dcm holds the PDF, .sr.dcm the measurements) or the folder.
     #[arg(long, value_name = "FILE|FOLDER")]
     pub out: PathBuf,
-    /// How much of the patient's identity a file has; without it none.
+    /// How much of the patient's identity a file has; without it none. A folder's files are for other programs and name the case.
     #[arg(long, value_enum)]
     pub identity: Option<Identity>,
     /// The language of a file.

@@ -2,7 +2,10 @@
 
 use std::{collections::BTreeMap, path::Path};
 
-use glioscope_core::optics::{Camera, Projection};
+use glioscope_core::{
+    files::Inputs,
+    optics::{Camera, Projection},
+};
 use glioscope_render::{
     CloseupRenderer, Coloring, Gpu, Plan, Quality, RegionScene, closeup_plan,
     flat::{Convention, Window},
@@ -163,6 +166,9 @@ pub(super) fn run(arguments: &RenderArguments) -> Result<(), AppError> {
     let needs_frame = arguments.out.is_some() || arguments.stats;
     if !needs_frame && !arguments.explain {
         return Err(AppError::arguments("no --out FILE", "where to write the picture"));
+    }
+    if let (Some(TransferArgument::File(transfer)), Some(out)) = (&arguments.transfer, &arguments.out) {
+        Inputs::new([transfer.clone()]).refuse_as_output(out)?;
     }
     let read = arguments.case.read(true)?;
     let inputs = read.case.inputs.clone();

@@ -4,7 +4,10 @@ use std::{path::Path, time::Instant};
 
 use egui::Context;
 use glioscope_cohort::{Verdict, Verdicts, agreement};
-use glioscope_core::{csv, files::write_whole};
+use glioscope_core::{
+    csv,
+    files::{refuse_link, write_whole},
+};
 
 use super::{
     GlioscopeApp,
@@ -42,6 +45,8 @@ impl GlioscopeApp {
         };
         let path = path.to_owned();
         self.export = Some(Job::start(Waker::of(ctx), move |progress| {
+            // Its inputs are the whole cohort's: a link may lead to any of them.
+            refuse_link(&path)?;
             figure.write(&path, progress).map(|()| format!("Diagrams written to {}", path.display()))
         }));
     }
@@ -122,12 +127,15 @@ fn export(folder: &Path, path: &Path) -> Result<(), AppError> {
     if lists.is_empty() {
         return Err(AppError::file(&folder.join("verdicts"), "no reader's verdicts", "some, to export them"));
     }
+    let name = path.file_stem().map_or_else(|| "verdicts".into(), |name| name.to_string_lossy().into_owned());
+    let beside = path.with_file_name(format!("{name}-agreement.csv"));
+    refuse_link(path)?;
+    refuse_link(&beside)?;
     write_whole(path, &Verdicts::exported(&lists)?)?;
     let mut table = csv::Table::new(["coefficient", "readers", "cases", "value"]);
     for one in agreement(&lists) {
         let value = one.value.map(|value| value.to_string()).unwrap_or_default();
         table.row([one.name.to_owned(), csv::text(&one.readers.join("; ")), one.cases.to_string(), value]);
     }
-    let name = path.file_stem().map_or_else(|| "verdicts".into(), |name| name.to_string_lossy().into_owned());
-    Ok(write_whole(&path.with_file_name(format!("{name}-agreement.csv")), &table.into_bytes())?)
+    Ok(write_whole(&beside, &table.into_bytes())?)
 }

@@ -106,6 +106,10 @@ pub fn number_text(number: f64, unit: &str) -> String {
     match number {
         n if n.is_nan() => "–".to_owned(),
         n if n.is_infinite() => format!("{sign}∞"),
+        // Of a table that says so: all digits would take the whole window.
+        n if n.abs() >= 1e9 => {
+            format!("{sign}{:.3e}{}{unit}", n.abs(), if unit.is_empty() { "" } else { " " })
+        }
         n => {
             let digits = format::four_digits(n.abs());
             let digits = if digits.contains('.') {

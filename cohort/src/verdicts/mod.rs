@@ -14,7 +14,7 @@ use std::{
 use csv::{ReaderBuilder, Terminator, WriterBuilder};
 use glioscope_core::{
     csv::text,
-    files::{read_small_text, write_whole},
+    files::{read_small_text, refuse_link, write_whole},
     optics::random::Random,
 };
 use strum::{Display, EnumString, VariantArray};
@@ -112,20 +112,27 @@ impl Verdicts {
     /// Takes a verdict and writes the file, whole. What another window of this reader wrote meanwhile is kept.
     ///
     /// # Errors
-    /// [`CohortError`] where it can't be written, or no such case is in the list; the verdict is kept in this list all the same.
+    /// [`CohortError`] where the file isn't a list of these cases any more, or can't be written: the verdict is kept in this list all the
+    /// same, and the file as it is. Also where no such case is in the list.
     pub fn give(&mut self, folder: &Path, case: &str, verdict: Verdict) -> Result<(), CohortError> {
         let path = path_of(folder, &self.reader)?;
-        if let Ok(there) = Self::read(&path)
-            && there.cases.len() == self.cases.len()
-            && there.cases.iter().zip(&self.cases).all(|((a, _), (b, _))| a == b)
-        {
-            self.cases = there.cases;
+        let names = |list: &Self| list.cases.iter().map(|(case, _)| case.clone()).collect::<Vec<_>>();
+        let there = if path.exists() { Self::read(&path).map(Some) } else { Ok(None) };
+        let there = there.and_then(|there| match there {
+            Some(there) if names(&there) != names(self) => {
+                let expected = "the same cases in the same order: begin to read again";
+                Err(CohortError::at(&path, "verdicts on other cases than are being read", expected))
+            }
+            there => Ok(there),
+        });
+        if let Ok(Some(there)) = &there {
+            self.cases.clone_from(&there.cases);
         }
         let Some((_, place)) = self.cases.iter_mut().find(|(name, _)| name == case) else {
             return Err(CohortError::at(&path, format!("no case {case}"), "a case of the list"));
         };
         *place = verdict;
-        self.write(folder)
+        there.and_then(|_| self.write(folder))
     }
 
     /// The verdict on a case; an empty one where there is none.
@@ -210,6 +217,7 @@ impl Verdicts {
         std::fs::create_dir_all(&parent).map_err(|e| CohortError::io(&parent, &e, writable))?;
         let bytes = table(std::slice::from_ref(self), &|text| text.to_owned())
             .map_err(|e| CohortError::at(&path, format!("writing failed: {e}"), writable))?;
+        refuse_link(&path)?;
         Ok(write_whole(&path, &bytes)?)
     }
 
@@ -284,6 +292,48 @@ mod tests {
 
     fn verdict(judgement: Judgement, stars: Option<u8>, reasons: &str) -> Verdict {
         Verdict { judgement: Some(judgement), stars, reasons: reasons.into() }
+    }
+
+    /// Whoever mends a list by hand while it is read loses nothing by it.
+    #[test]
+    fn a_list_that_cannot_be_read_any_more_is_not_written_over() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut list = Verdicts::begin(folder.path(), "A", 1, false, &cases(3)).unwrap();
+        list.give(folder.path(), "case-0", verdict(Judgement::Accept, None, "")).unwrap();
+        let path = path_of(folder.path(), "A").unwrap();
+        let good = std::fs::read_to_string(&path).unwrap();
+        let other = "other cases than are being read";
+        for (text, expected) in [
+            (good.replace(',', ";"), "other columns"),
+            (format!("{good}A,1,false,4,case-9,bogus,99,x\r\n"), "as stars"),
+            (format!("{good}A,1,false,4,case-9,accept,,\r\n"), other),
+            (good.lines().take(2).map(|line| format!("{line}\r\n")).collect(), other),
+        ] {
+            write_whole(&path, text.as_bytes()).unwrap();
+            let given = verdict(Judgement::Reject, Some(2), "");
+            let error = list.give(folder.path(), "case-1", given.clone()).unwrap_err().to_string();
+            assert!(error.contains(expected), "{error}");
+            assert_eq!(std::fs::read_to_string(&path).unwrap(), text);
+            assert_eq!(list.of("case-1"), given, "it isn't lost either");
+        }
+        std::fs::remove_file(&path).unwrap();
+        list.give(folder.path(), "case-2", verdict(Judgement::Accept, None, "")).unwrap();
+        assert_eq!(Verdicts::all(folder.path()).unwrap()[0].given(), 3);
+        #[cfg(unix)]
+        {
+            let input = folder.path().join("case.toml");
+            write_whole(&input, b"a case").unwrap();
+            std::fs::remove_file(&path).unwrap();
+            std::os::unix::fs::symlink(&input, &path).unwrap();
+            assert!(list.give(folder.path(), "case-2", Verdict::default()).is_err());
+            assert_eq!(std::fs::read(&input).unwrap(), b"a case");
+            std::fs::remove_file(&path).unwrap();
+            list.give(folder.path(), "case-2", verdict(Judgement::Accept, None, "")).unwrap();
+            std::fs::rename(&path, folder.path().join("elsewhere.csv")).unwrap();
+            std::os::unix::fs::symlink(folder.path().join("elsewhere.csv"), &path).unwrap();
+            let error = list.give(folder.path(), "case-2", Verdict::default()).unwrap_err().to_string();
+            assert!(error.contains("a link to another file"), "{error}");
+        }
     }
 
     #[test]

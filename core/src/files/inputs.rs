@@ -45,6 +45,18 @@ impl Inputs {
     }
 }
 
+/// Checks that `output` is no link to another file: where inputs are many, or not all known.
+///
+/// # Errors
+/// [`FileError::Wrong`] where it is.
+pub fn refuse_link(output: &Path) -> Result<(), FileError> {
+    if !output.is_symlink() {
+        return Ok(());
+    }
+    let file = printable(&output.display().to_string());
+    Err(FileError::wrong(file, "a link to another file", "another name for the output"))
+}
+
 /// Whether both paths lead to one file. A path that doesn't exist leads to none.
 fn is_same_file(a: &Path, b: &Path) -> bool {
     #[cfg(unix)]

@@ -46,7 +46,7 @@ pub use content::FileMark;
 pub use cross_check::{AffineCheck, BothReaders, CrossCheck, CrossChecked, ValueCheck, cross_check};
 pub use hash::{sha256, sha256_of};
 pub use image::ImageInfo;
-pub use inputs::Inputs;
+pub use inputs::{Inputs, refuse_link};
 pub use metaimage::read_metaimage_bytes;
 pub use mgh::read_mgh_bytes;
 pub(crate) use nifti::other_half;

@@ -209,6 +209,17 @@ fn render_draws_a_transfer_function_of_a_file() {
             ],
         )
     };
+    // Not over the file itself, under another name.
+    #[cfg(unix)]
+    {
+        let content = std::fs::read(&file).unwrap();
+        let link = path("link.png");
+        std::os::unix::fs::symlink(&file, &link).unwrap();
+        let arguments = ["render", "--sample", "--software", "--view", "context", "--transfer", &file];
+        let said = refusal(PROGRAM, &[&arguments[..], &["--out", &link]].concat());
+        assert!(said.contains("another name for the output"), "{said}");
+        assert_eq!(std::fs::read(&file).unwrap(), content);
+    }
     write_whole(file.as_ref(), br#"{"glioscope_transfer": 1, "shapes": [], "shape": 1}"#).unwrap();
     assert!(
         refuse(&file).contains("own.transfer.json: found unknown keys shape, expected"),

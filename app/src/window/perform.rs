@@ -157,7 +157,7 @@ impl GlioscopeApp {
                 self.go_to_pending();
             }
             AppCommand::ShowReport => {
-                self.open.report = Some(report::ReportDialog::new(self.preferences.get().report_language))
+                self.open.report = Some(report::ReportDialog::new(self.preferences.get().report_language));
             }
             AppCommand::KeepPicture => self.keep_picture(ctx),
             AppCommand::WriteReport(options) => self.open_file_dialog(ctx, Purpose::Report(*options)),

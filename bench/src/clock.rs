@@ -68,11 +68,16 @@ pub fn cpu_ms_of(process: &str) -> Option<f64> {
     Some(tasks.filter_map(thread_ns).sum::<f64>() * 1e-6)
 }
 
+/// Milliseconds since `start`: where [`timed`]'s look at the processor time would count.
+pub fn ms_since(start: Instant) -> f64 {
+    start.elapsed().as_secs_f64() * 1e3
+}
+
 /// Runs a job once: wall time and processor time in milliseconds, and its result.
 pub fn timed<T>(job: impl FnOnce() -> T) -> (f64, Option<f64>, T) {
     let (cpu, start) = (cpu_ms(), Instant::now());
     let result = job();
-    let wall = start.elapsed().as_secs_f64() * 1e3;
+    let wall = ms_since(start);
     (wall, cpu.and_then(|before| Some(cpu_ms()? - before)), result)
 }
 

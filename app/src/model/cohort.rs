@@ -142,4 +142,9 @@ impl OpenCohort {
         let opened = before.map_or(0, |before| before.opened + 1);
         Self { folder: folder.to_owned(), opened, setting: None, is_shown: true, reading: None }
     }
+
+    /// What the cohort is called: its folder's name.
+    pub fn name(&self) -> String {
+        self.folder.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+    }
 }

@@ -356,9 +356,8 @@ impl GlioscopeApp {
     /// Which case is open stands in the window's title; not while something is explained to a patient.
     fn name_window(&mut self, ctx: &Context) {
         let case = self.work.world.case().filter(|_| self.work.doc.is_some() && self.explain.is_none());
-        let cohort = self.work.cohort_in_front().and_then(|cohort| cohort.folder.file_name());
-        let name = match (cohort, case) {
-            (Some(cohort), _) => Some(format!("Cohort {}", cohort.display())),
+        let name = match (self.work.cohort_in_front(), case) {
+            (Some(cohort), _) => Some(format!("Cohort {}", cohort.name())),
             (None, case) => case.map(|case| case.name.clone()),
         };
         let title = name.map_or_else(|| "Glioscope".to_owned(), |name| format!("{name} – Glioscope"));

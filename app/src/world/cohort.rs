@@ -127,9 +127,12 @@ pub fn number_text(number: f64, unit: &str) -> String {
 const CLIPPED_FROM: usize = 50;
 const CLIPPED_SHARE: f64 = 0.02;
 
+/// A range of numbers, and whether some are below and above it.
+pub type DrawnRange = ([f64; 2], [bool; 2]);
+
 /// The range in which numbers are drawn, and whether some are below and above it. Infinite numbers are outside of it; 0 to 1 where none is
 /// finite.
-pub fn drawn_range(numbers: &[f64]) -> ([f64; 2], [bool; 2]) {
+pub fn drawn_range(numbers: &[f64]) -> DrawnRange {
     let mut finite: Vec<f64> = numbers.iter().copied().filter(|number| number.is_finite()).collect();
     finite.sort_by(f64::total_cmp);
     let (Some(&least), Some(&greatest)) = (finite.first(), finite.last()) else {
@@ -151,7 +154,7 @@ pub struct Columns {
     of: Option<Handle<Collected>>,
     offered: Vec<Offered>,
     failures: BTreeMap<usize, String>,
-    known: HashMap<Quantity, Arc<CaseValues>>,
+    known: HashMap<Quantity, (Arc<CaseValues>, DrawnRange)>,
 }
 
 impl Columns {
@@ -185,13 +188,19 @@ impl Columns {
 
     /// The values of a quantity.
     pub fn get(&mut self, collected: &Collected, quantity: &Quantity) -> Arc<CaseValues> {
-        if let Some(values) = self.known.get(quantity) {
+        if let Some((values, _)) = self.known.get(quantity) {
             return values.clone();
         }
         let is_text = self.offer(quantity).is_some_and(|offer| offer.is_text);
         let values = Arc::new(CaseValues::of(collected, quantity, is_text));
-        self.known.insert(quantity.clone(), values.clone());
+        let numbers = if let CaseValues::Numbers(numbers) = &*values { &numbers[..] } else { &[] };
+        self.known.insert(quantity.clone(), (values.clone(), drawn_range(numbers)));
         values
+    }
+
+    /// The range in which the values of a quantity are drawn that [`Columns::get`] was asked for: of words, and of others, that of no number.
+    pub fn drawn(&self, quantity: &Quantity) -> DrawnRange {
+        self.known.get(quantity).map_or_else(|| drawn_range(&[]), |(_, range)| *range)
     }
 }
 

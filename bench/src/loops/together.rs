@@ -16,7 +16,7 @@ use strum::VariantArray;
 use super::views;
 use crate::{
     Outcome,
-    clock::{load_average, median},
+    clock::{load_average, median, ms_since},
     open_gpu, print_line,
 };
 
@@ -66,10 +66,6 @@ impl<V: View3d> Turning<V> {
         self.auto.adapt(of_frame);
         Ok(())
     }
-}
-
-fn ms_since(start: Instant) -> f64 {
-    start.elapsed().as_secs_f64() * 1e3
 }
 
 fn turn(camera: &mut Camera) {

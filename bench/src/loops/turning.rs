@@ -19,7 +19,7 @@ use strum::{VariantArray, VariantNames};
 use super::open_case;
 use crate::{
     Outcome,
-    clock::{load_average, median, timed},
+    clock::{load_average, median, ms_since, timed},
     open_gpu, print_line,
 };
 
@@ -131,7 +131,7 @@ fn print_light_cost(gpu: &Gpu, scene: &ContextScene, size: [u32; 2]) -> Outcome<
                 let (ms, _, done) = timed(|| -> Outcome<f64> {
                     let start = Instant::now();
                     renderer.render(gpu, scene, &quality, size)?;
-                    let submitted_ms = start.elapsed().as_secs_f64() * 1e3;
+                    let submitted_ms = ms_since(start);
                     gpu.wait()?;
                     Ok(submitted_ms)
                 });

@@ -116,10 +116,12 @@ impl Verdicts {
     /// same, and the file as it is. Also where no such case is in the list.
     pub fn give(&mut self, folder: &Path, case: &str, verdict: Verdict) -> Result<(), CohortError> {
         let path = path_of(folder, &self.reader)?;
-        let names = |list: &Self| list.cases.iter().map(|(case, _)| case.clone()).collect::<Vec<_>>();
+        let has_these = |there: &Self| {
+            there.cases.iter().map(|(case, _)| case).eq(self.cases.iter().map(|(case, _)| case))
+        };
         let there = if path.exists() { Self::read(&path).map(Some) } else { Ok(None) };
         let there = there.and_then(|there| match there {
-            Some(there) if names(&there) != names(self) => {
+            Some(there) if !has_these(&there) => {
                 let expected = "the same cases in the same order: begin to read again";
                 Err(CohortError::at(&path, "verdicts on other cases than are being read", expected))
             }

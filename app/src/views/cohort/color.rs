@@ -8,7 +8,7 @@ use glioscope_render::{MaskColors, Palette};
 use crate::{
     theme::{self, Tokens},
     views::draw,
-    world::cohort::{CaseValues, drawn_range, number_text},
+    world::cohort::{CaseValues, DrawnRange, number_text},
 };
 
 /// Size of a ramp in the legend, points.
@@ -35,10 +35,12 @@ pub struct Colors {
 
 impl Colors {
     /// The colours that these values have.
-    pub fn new(values: Arc<CaseValues>, unit: &'static str) -> Self {
+    ///
+    /// `drawn`: the range in which they are drawn, if they are numbers.
+    pub fn new(values: Arc<CaseValues>, drawn: DrawnRange, unit: &'static str) -> Self {
         let scale = match &*values {
             CaseValues::Words { .. } => Scale::Words,
-            CaseValues::Numbers(numbers) => scale_of(numbers),
+            CaseValues::Numbers(numbers) => scale_of(numbers, drawn),
         };
         Self { values, scale, unit }
     }
@@ -73,13 +75,23 @@ impl Colors {
         self.values.text(case, self.unit)
     }
 
+    /// Ends of the ramp, and whether numbers are beyond them; `None` of words.
+    fn ramp(&self) -> Option<DrawnRange> {
+        match self.scale {
+            Scale::Numbers { range, beyond } => Some((range, beyond)),
+            Scale::Signed { most, beyond } => Some(([-most, most], beyond)),
+            Scale::Words => None,
+        }
+    }
+
+    /// The colour at a share of the ramp from its lower end.
+    fn at_share(&self, [low, high]: [f64; 2], share: f64, dark: bool) -> Color32 {
+        self.at(low + share * (high - low), dark)
+    }
+
     /// Ends of the ramp as words.
     fn ends(&self) -> Option<[String; 2]> {
-        let ([low, high], [below, above]) = match self.scale {
-            Scale::Numbers { range, beyond } => (range, beyond),
-            Scale::Signed { most, beyond } => ([-most, most], beyond),
-            Scale::Words => return None,
-        };
+        let ([low, high], [below, above]) = self.ramp()?;
         let end = |number: f64, is_beyond: bool, sign: &str| {
             let sign = if is_beyond { sign } else { "" };
             format!("{sign}{}", number_text(number, self.unit))
@@ -89,43 +101,28 @@ impl Colors {
 
     /// What the legend says: colours with their words, left to right. A ramp has eleven colours and words at its ends.
     pub fn legend(&self, dark: bool) -> Vec<(Color32, String)> {
-        match (&*self.values, self.ends()) {
-            (CaseValues::Words { words, .. }, _) => {
-                let named = words.iter().enumerate();
-                named.map(|(n, word)| (word_color(words, n, dark), word.replace('_', " "))).collect()
-            }
-            (_, Some([low, high])) => {
-                let range = match self.scale {
-                    Scale::Numbers { range, .. } => range,
-                    Scale::Signed { most, .. } => [-most, most],
-                    Scale::Words => [0.0, 1.0],
-                };
-                let at = |n: usize| range[0] + (range[1] - range[0]) * n as f64 / 10.0;
-                let text = |n: usize| match n {
-                    0 => low.clone(),
-                    10 => high.clone(),
-                    _ => String::new(),
-                };
-                (0..=10).map(|n| (self.at(at(n), dark), text(n))).collect()
-            }
-            _ => Vec::new(),
+        if let CaseValues::Words { words, .. } = &*self.values {
+            let named = words.iter().enumerate();
+            return named.map(|(n, word)| (word_color(words, n, dark), word.replace('_', " "))).collect();
         }
+        let Some((([low, high], _), [first, last])) = self.ramp().zip(self.ends()) else { return Vec::new() };
+        let text = |n: usize| match n {
+            0 => first.clone(),
+            10 => last.clone(),
+            _ => String::new(),
+        };
+        (0..=10).map(|n| (self.at_share([low, high], n as f64 / 10.0, dark), text(n))).collect()
     }
 
     /// Draws the legend in one line.
     pub fn show_legend(&self, ui: &mut Ui) {
         let (dark, tokens) = (ui.visuals().dark_mode, Tokens::in_ui(ui));
         let edge = Stroke::new(1.0, tokens.second);
-        if let Some([low, high]) = self.ends() {
+        if let Some(((range, _), [low, high])) = self.ramp().zip(self.ends()) {
             ui.label(low);
             let (rect, response) = ui.allocate_exact_size(RAMP.into(), Sense::hover());
             draw::name_widget(ui, &response, "Colours from the least to the greatest value");
             let steps = rect.width() as usize;
-            let range = match self.scale {
-                Scale::Numbers { range, .. } => range,
-                Scale::Signed { most, .. } => [-most, most],
-                Scale::Words => [0.0, 1.0],
-            };
             for step in 0..steps {
                 let share = (step as f64 + 0.5) / steps as f64;
                 let left = rect.left() + rect.width() * step as f32 / steps as f32;
@@ -133,7 +130,7 @@ impl Colors {
                     egui::pos2(left, rect.top()),
                     vec2(rect.width() / steps as f32 + 0.5, rect.height()),
                 );
-                let color = self.at(range[0] + share * (range[1] - range[0]), dark);
+                let color = self.at_share(range, share, dark);
                 ui.painter().rect_filled(part.intersect(rect), CornerRadius::ZERO, color);
             }
             ui.painter().rect_stroke(rect, 0.0, edge, StrokeKind::Outside);
@@ -149,8 +146,7 @@ impl Colors {
 }
 
 /// The ramp of these numbers: about zero where some are on either side.
-fn scale_of(numbers: &[f64]) -> Scale {
-    let (range, beyond) = drawn_range(numbers);
+fn scale_of(numbers: &[f64], (range, beyond): DrawnRange) -> Scale {
     let has = |sign: f64| numbers.iter().any(|number| number.is_finite() && number * sign > 0.0);
     if has(-1.0) && has(1.0) {
         let most = range[0].abs().max(range[1].abs());
@@ -182,30 +178,40 @@ fn word_color(words: &[String], place: usize, dark: bool) -> Color32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::world::cohort::drawn_range;
+
+    fn scale(numbers: &[f64]) -> Scale {
+        scale_of(numbers, drawn_range(numbers))
+    }
+
+    fn colors_of(numbers: Vec<f64>, unit: &'static str) -> Colors {
+        let drawn = drawn_range(&numbers);
+        Colors::new(Arc::new(CaseValues::Numbers(numbers)), drawn, unit)
+    }
 
     #[test]
     fn a_ramp_leaves_out_what_would_take_all_of_it_and_says_so() {
         let mut numbers: Vec<f64> = (0..100).map(f64::from).collect();
         numbers[99] = 1e9;
-        let Scale::Numbers { range, beyond } = scale_of(&numbers) else { panic!("signed") };
+        let Scale::Numbers { range, beyond } = scale(&numbers) else { panic!("signed") };
         assert_eq!((range, beyond), ([2.0, 97.0], [true, true]));
-        let colors = Colors::new(Arc::new(CaseValues::Numbers(numbers)), "mm");
+        let colors = colors_of(numbers, "mm");
         assert_eq!(colors.ends().unwrap(), ["≤ 2 mm", "≥ 97 mm"]);
         assert_eq!(colors.of(99, false), colors.of(97, false));
         assert_eq!(
-            scale_of(&[1.0, 3.0, f64::INFINITY]),
+            scale(&[1.0, 3.0, f64::INFINITY]),
             Scale::Numbers { range: [1.0, 3.0], beyond: [false, true] }
         );
-        assert_eq!(scale_of(&[-1.0, 3.0]), Scale::Signed { most: 3.0, beyond: [false; 2] });
+        assert_eq!(scale(&[-1.0, 3.0]), Scale::Signed { most: 3.0, beyond: [false; 2] });
     }
 
     #[test]
     fn a_case_without_a_value_has_no_colour() {
-        let colors = Colors::new(Arc::new(CaseValues::Numbers(vec![1.0, f64::NAN, 2.0])), "");
+        let colors = colors_of(vec![1.0, f64::NAN, 2.0], "");
         assert_eq!(colors.of(1, true), None);
         assert!(colors.of(0, true) != colors.of(2, true));
         let words = CaseValues::Words { of_case: vec![Some(0), None], words: vec!["progression".into()] };
-        let colors = Colors::new(Arc::new(words), "");
+        let colors = Colors::new(Arc::new(words), drawn_range(&[]), "");
         assert_eq!((colors.of(0, true), colors.of(1, true)), (Some(Tokens::of(true).diverging(1.0)), None));
     }
 }

@@ -27,9 +27,7 @@ pub fn show(
     let mut new = setting.clone();
     ui.add_space(4.0);
     ui.horizontal_wrapped(|ui| {
-        let name =
-            open.folder.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-        ui.add(egui::Label::new(egui::RichText::new(shortened(&name, 24)).strong()))
+        ui.add(egui::Label::new(egui::RichText::new(shortened(&open.name(), 24)).strong()))
             .on_hover_text(open.folder.display().to_string());
         let of = (format::count(shown as u64), format::count(collected.cases().len() as u64));
         ui.label(format!("{} of {} cases shown", of.0, of.1));

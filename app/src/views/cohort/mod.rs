@@ -36,6 +36,8 @@ pub struct CohortView {
     glyphs: Derived<(Handle<Collected>, Vec<String>, Date), Glyphs>,
     /// The cases that pass the filters, in their order, and of which tables and setting.
     shown: Option<(Handle<Collected>, CohortSetting, Vec<usize>)>,
+    /// The setting that suits these tables.
+    suited: Option<(Handle<Collected>, CohortSetting)>,
 }
 
 impl CohortView {
@@ -69,7 +71,7 @@ impl CohortView {
             return;
         }
         self.columns.turn_to(&collected);
-        let setting = open.setting.clone().unwrap_or_else(|| CohortSetting::suited_to(&collected));
+        let setting = self.setting(open, &collected);
         let is_new = self.order(&collected, &setting);
         let glyphs = self.glyphs(&collected, &setting, ask);
         let colors = self.colors(&collected, &setting);
@@ -102,18 +104,28 @@ impl CohortView {
     fn colors(&mut self, collected: &Collected, setting: &CohortSetting) -> Option<Colors> {
         let quantity = setting.color.as_ref()?;
         let unit = self.columns.offer(quantity).map_or("", |offer| offer.unit);
-        Some(Colors::new(self.columns.get(collected, quantity), unit))
+        let values = self.columns.get(collected, quantity);
+        Some(Colors::new(values, self.columns.drawn(quantity), unit))
+    }
+
+    /// How the cohort is shown: as chosen, else as suits its tables, which are all looked through for that.
+    fn setting(&mut self, open: &OpenCohort, collected: &Arc<Collected>) -> CohortSetting {
+        if let Some(chosen) = &open.setting {
+            return chosen.clone();
+        }
+        let handle = Handle::of(collected);
+        let held = self.suited.take().filter(|(of, _)| *of == handle);
+        let suited = held.unwrap_or_else(|| (handle, CohortSetting::suited_to(collected)));
+        self.suited.insert(suited).1.clone()
     }
 
     /// The grid as a figure, as it was last drawn; `None` before that.
     pub fn figure(&mut self, open: &OpenCohort, cohorts: &Cohorts) -> Option<Figure> {
         let collected = cohorts.last()?.clone();
-        let setting = open.setting.clone().unwrap_or_else(|| CohortSetting::suited_to(&collected));
+        let setting = self.setting(open, &collected);
         let (shown, glyphs) = (self.shown.as_ref()?.2.clone(), self.glyphs.last()?.clone());
         let colors = self.colors(&collected, &setting);
-        let name =
-            open.folder.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-        Some(Figure { name, collected, setting, shown, glyphs, colors })
+        Some(Figure { name: open.name(), collected, setting, shown, glyphs, colors })
     }
 
     /// Whether nothing that is drawn is still computed.

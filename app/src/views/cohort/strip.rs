@@ -12,7 +12,7 @@ use crate::{
     model::cohort::{Axis, CohortSetting},
     theme::Tokens,
     views::draw,
-    world::cohort::{CaseValues, Columns, drawn_range},
+    world::cohort::{CaseValues, Columns, DrawnRange},
 };
 
 /// Width of an axis, points.
@@ -101,7 +101,9 @@ fn one(
             });
             let unit = columns.offer(&axis.quantity).map_or("", |offer| offer.unit);
             let changed = match values {
-                CaseValues::Numbers(all) => numbers(ui, axis, all, shown, (&title, unit)),
+                CaseValues::Numbers(all) => {
+                    numbers(ui, axis, (all, columns.drawn(&axis.quantity)), shown, (&title, unit))
+                }
                 CaseValues::Words { of_case, words } => self::words(ui, axis, of_case, words, shown),
             };
             done = done.take().or(changed.map(Done::Changed));
@@ -142,12 +144,11 @@ fn brushed([from, to]: [f64; 2], [low, high]: [f64; 2]) -> [f64; 2] {
 fn numbers(
     ui: &mut Ui,
     axis: &Axis,
-    all: &[f64],
+    (all, (range, beyond)): (&[f64], DrawnRange),
     shown: &[usize],
     (title, unit): (&str, &str),
 ) -> Option<Axis> {
     let tokens = Tokens::in_ui(ui);
-    let (range, beyond) = drawn_range(all);
     let (rect, response) = ui.allocate_exact_size(vec2(WIDTH, HEIGHT), Sense::click_and_drag());
     let of_all = histogram(all.iter().copied(), range);
     let of_shown = histogram(shown.iter().filter_map(|case| all.get(*case).copied()), range);

@@ -377,7 +377,9 @@ impl GlioscopeApp {
     fn save_transfer(&mut self, path: &Path) {
         let Some(doc) = &self.work.doc else { return };
         let Some((id, image)) = self.work.world.context(doc) else { return };
-        match transfer_file::save(path, &transfer_of(doc, id, image)) {
+        let inputs = self.work.inputs();
+        let save = || transfer_file::save(path, &transfer_of(doc, id, image));
+        match inputs.refuse_as_output(path).and_then(|()| save()) {
             Ok(()) => self.work.notice = Some("Transfer function written.".into()),
             Err(error) => self.work.error = Some(error.into()),
         }

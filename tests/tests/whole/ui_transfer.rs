@@ -159,6 +159,7 @@ fn shapes_are_drawn_and_saved_in_sessions() {
     assert_eq!(pane_picture(&mut harness, PaneId::Context), first);
 
     // As a file, and back.
+    let session_path = path;
     let path = folder.path().join("a.transfer.json");
     perform(&mut harness, EditCommand::Redo);
     issue(&mut harness, AppCommand::SaveTransferTo(path.clone()));
@@ -171,6 +172,10 @@ fn shapes_are_drawn_and_saved_in_sessions() {
     issue(&mut harness, AppCommand::OpenTransferFrom(folder.path().join("none.transfer.json")));
     harness.run_ok();
     assert!(error_text(&harness).contains("none.transfer.json"), "{}", error_text(&harness));
+    // Not over what the case or its session was read from.
+    issue(&mut harness, AppCommand::SaveTransferTo(session_path.clone()));
+    assert!(error_text(&harness).contains("another name for the output"), "{}", error_text(&harness));
+    assert_eq!(session::load(&session_path).unwrap(), saved);
 }
 
 #[test]

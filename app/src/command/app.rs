@@ -61,6 +61,7 @@ pub enum AppCommand {
     KeepPicture,
     WriteReport(report::Options),
     WriteReportTo(report::Options, PathBuf),
+    OpenWritten(PathBuf),
     BrowseFiles,
     BrowseFolders,
     BrowseCohorts,
@@ -181,6 +182,7 @@ impl AppCommand {
             | AppKind::ExportRulersTo
             | AppKind::WriteReport
             | AppKind::WriteReportTo
+            | AppKind::OpenWritten
             | AppKind::SaveLayout
             | AppKind::ForgetLayout
             | AppKind::GoToRegion
@@ -272,6 +274,9 @@ impl AppCommand {
                 .detail("The view under the pointer, as it is now; its caption is in the report's dialog"),
             Self::WriteReport(_) => Label::new("Choose the report's file"),
             Self::WriteReportTo(..) => Label::new("Write the report"),
+            Self::OpenWritten(_) => {
+                Label::new("Open").detail("The file that was written, in the program this desktop has for it")
+            }
             Self::BrowseFiles => Label::new("Browse for a case file…"),
             Self::BrowseFolders => Label::new("Browse for a case folder…"),
             Self::BrowseCohorts => Label::new("Browse for a cohort…"),

@@ -16,7 +16,7 @@ pub use app::AppCommand;
 pub use edit::EditCommand;
 pub use look::LookCommand;
 pub use menu::{Entry, Menu};
-pub use workstation::Workstation;
+pub use workstation::{Notice, Workstation};
 
 /// A user action.
 #[derive(Clone, Debug, PartialEq)]

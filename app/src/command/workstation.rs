@@ -109,7 +109,29 @@ pub struct Workstation {
     /// The last error, until dismissed.
     pub error: Option<AppError>,
     /// The last completed action, for the status line.
-    pub notice: Option<String>,
+    pub notice: Option<Notice>,
+}
+
+/// What was completed, and what it wrote.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Notice {
+    /// In words.
+    pub text: String,
+    /// A file or folder that a reader would look at next.
+    pub file: Option<PathBuf>,
+}
+
+impl<T: Into<String>> From<T> for Notice {
+    fn from(text: T) -> Self {
+        Self { text: text.into(), file: None }
+    }
+}
+
+impl Notice {
+    /// With the file that was written.
+    pub fn wrote(text: impl Into<String>, file: &Path) -> Self {
+        Self { text: text.into(), file: Some(file.to_owned()) }
+    }
 }
 
 /// A, B, … Z, AA, AB, …

@@ -212,7 +212,8 @@ impl Edit {
         self.maximized = other.maximized;
     }
 
-    /// Whether `other` has the same content: all but the arrangement of the panes, which is no work to lose.
+    /// Whether `other` has the same content: all but the arrangement of the panes and where the lens is, which are no work to
+    /// lose: looking around isn't asked about.
     pub fn same_work(&self, other: &Self) -> bool {
         // Asked in every frame: most often nothing changed, and nothing is copied.
         if self == other {
@@ -220,6 +221,7 @@ impl Edit {
         }
         let mut arranged = other.clone();
         arranged.arrange_as(self);
+        arranged.lens = self.lens;
         *self == arranged
     }
 }

@@ -118,11 +118,12 @@ impl Content<'_> {
         (front, end)
     }
 
-    /// The most important numbers in sentences.
-    pub fn summary(&self) -> Vec<Block> {
+    /// The most important numbers in sentences. `compares_masks`: how far the masks of each date agree, too.
+    pub fn summary(&self, compares_masks: bool) -> Vec<Block> {
         let words = self.words;
         let mut blocks = vec![Block::Heading(words.get("summary"))];
-        for time in &self.case.time_points {
+        let time_points = self.case.time_points.iter().filter(|_| compares_masks);
+        for time in time_points {
             let text = self.summary_of(time);
             let Some(text) = text else { continue };
             let date = if time.label.is_empty() { String::new() } else { format!("{}: ", time.label) };

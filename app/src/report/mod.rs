@@ -187,7 +187,7 @@ pub fn make(
     // With a call, the first page is for it, and for what shows it.
     let summary_first = of_response.is_none();
     if summary_first {
-        blocks.extend(content.summary());
+        blocks.extend(content.summary(true));
     }
     blocks.extend(of_response.into_iter().flatten());
     if form.has_pictures() {
@@ -195,7 +195,7 @@ pub fn make(
         blocks.extend(pictures(case, doc, &words, painter, progress)?);
     }
     if !summary_first {
-        blocks.extend(content.summary());
+        blocks.extend(content.summary(false));
     }
     let stated = evaluated.map(|evaluated| stated::blocks(&evaluated.stated, &words, &redactor, is_named));
     blocks.extend(stated.into_iter().flatten());
@@ -205,8 +205,18 @@ pub fn make(
     blocks.extend(content.dates());
     blocks.extend(notes);
     blocks.extend(how_made(&recipe, &content));
-    let title =
-        if is_named { words.with("title-of", &[("case", case.name.clone())]) } else { words.get("title") };
+    let title = match evaluated {
+        Some(evaluated) => {
+            let criteria = evaluated.response.criterion.name().to_owned();
+            words.with("title-response", &[("criteria", criteria)])
+        }
+        None if case.time_points.len() > 1 && case.mask_ids().len() == 1 => words.get("title-dates"),
+        None => words.get("title"),
+    };
+    let title = match is_named {
+        true => words.with("title-of", &[("title", title), ("case", case.name.clone())]),
+        false => title,
+    };
     Ok(Report { language: words.get("language-code"), title, blocks, recipe })
 }
 

@@ -28,7 +28,7 @@ pub fn blocks(
     words: &Words,
     redactor: &Redactor,
 ) -> Vec<Block> {
-    let Evaluated { response, contradictions, proposed_links, .. } = evaluated;
+    let Evaluated { response, proposed_links, .. } = evaluated;
     let criteria = ("criteria", response.criterion.name().to_owned());
     let head = ["date", "by-diameters", "by-volume", "from-baseline", "from-nadir"];
     let row = |date: &DateResponse| {
@@ -56,8 +56,8 @@ pub fn blocks(
         }),
     ];
     let warning = |text: String| Finding { is_warning: true, text };
-    let mut doubts: Vec<Finding> =
-        contradictions.iter().map(|it| warning(redactor.text(&phrase(it, words)))).collect();
+    // What contradicts the masks stands in front of the report, just above.
+    let mut doubts: Vec<Finding> = Vec::new();
     let unstated = lesions.map(|report| unstated_new(report, &evaluated.stated)).unwrap_or_default();
     for date in unstated {
         doubts.push(warning(words.with("new-unstated", &[("date", date.to_owned())])));
@@ -68,26 +68,26 @@ pub fn blocks(
     if !doubts.is_empty() {
         blocks.insert(2, Block::Findings(doubts));
     }
-    for date in &response.dates {
-        let [diameters, volume] =
-            [&date.by_diameters, &date.by_volume].map(|judgement| reasons(judgement, words));
-        let of_diameters = diameters.iter().map(|reason| {
-            let key = if volume.contains(reason) { "by-both" } else { "by-diameters" };
-            (key, reason)
-        });
-        let of_volume =
-            volume.iter().filter(|reason| !diameters.contains(reason)).map(|reason| ("by-volume", reason));
-        let said = of_diameters.chain(of_volume).map(|(key, (is_warning, text))| Finding {
-            is_warning: *is_warning,
-            text: redactor.text(&format!("{}: {text}", words.get(key))),
-        });
-        let list: Vec<Finding> = said.collect();
-        if !list.is_empty() {
-            blocks.push(Block::Text(format!("{}:", date.date)));
-            blocks.push(Block::Findings(list));
-        }
-    }
+    let said = response.dates.iter().flat_map(|date| findings(date, words, redactor));
+    blocks.push(Block::Findings(said.collect()));
     blocks
+}
+
+/// Why a date's calls are as they are, each with its date; with the way of measuring where it is true of one alone.
+fn findings(date: &DateResponse, words: &Words, redactor: &Redactor) -> Vec<Finding> {
+    let [diameters, volume] =
+        [&date.by_diameters, &date.by_volume].map(|judgement| reasons(judgement, words));
+    let of_diameters = diameters.iter().map(|reason| {
+        let key = if volume.contains(reason) { "reason-of-date" } else { "reason-by-diameters" };
+        (key, reason)
+    });
+    let of_volume = volume.iter().filter(|reason| !diameters.contains(reason));
+    let all = of_diameters.chain(of_volume.map(|reason| ("reason-by-volume", reason)));
+    all.map(|(key, (is_warning, text))| {
+        let variables = [("date", date.date.clone()), ("reason", text.clone())];
+        Finding { is_warning: *is_warning, text: redactor.text(&words.with(key, &variables)) }
+    })
+    .collect()
 }
 
 /// The calls of the last date in a sentence; `None` without dates.

@@ -73,9 +73,11 @@ pub struct Autosave {
 }
 
 impl Autosave {
-    /// In the user's state folder, which `GLIOSCOPE_STATE` overrides; `None` where that can't be written.
+    /// In the user's state folder, which `GLIOSCOPE_STATE` overrides; with a configuration of its own, in the folder `state` there.
+    /// `None` where that can't be written.
     pub fn of_user() -> Option<Self> {
-        let folder = std::env::var_os("GLIOSCOPE_STATE").map(PathBuf::from).or_else(|| {
+        let own = || std::env::var_os("GLIOSCOPE_CONFIG").map(|folder| PathBuf::from(folder).join("state"));
+        let folder = std::env::var_os("GLIOSCOPE_STATE").map(PathBuf::from).or_else(own).or_else(|| {
             let folders = directories::ProjectDirs::from("", "", "glioscope")?;
             Some(folders.state_dir().unwrap_or_else(|| folders.data_local_dir()).to_owned())
         });

@@ -14,7 +14,7 @@ use super::{
     dialogs::{Purpose, open_command},
 };
 use crate::{
-    command::AppCommand,
+    command::{AppCommand, Notice},
     error::AppError,
     model::cohort::{CohortReading, OpenCohort},
     world::jobs::{Job, Waker},
@@ -47,7 +47,9 @@ impl GlioscopeApp {
         self.export = Some(Job::start(Waker::of(ctx), move |progress| {
             // Its inputs are the whole cohort's: a link may lead to any of them.
             refuse_link(&path)?;
-            figure.write(&path, progress).map(|()| format!("Diagrams written to {}", path.display()))
+            figure
+                .write(&path, progress)
+                .map(|()| Notice::wrote(format!("Diagrams written to {}", path.display()), &path))
         }));
     }
 
@@ -106,7 +108,7 @@ impl GlioscopeApp {
     fn export_verdicts(&mut self, path: &Path) {
         let Some(open) = &self.work.cohort else { return };
         match export(&open.folder, path) {
-            Ok(()) => self.work.notice = Some(format!("Verdicts written to {}", path.display())),
+            Ok(()) => self.work.notice = Some(format!("Verdicts written to {}", path.display()).into()),
             Err(error) => self.work.error = Some(error),
         }
     }

@@ -89,10 +89,10 @@ impl GlioscopeApp {
                 self.work.apply(&LookCommand::SetTime(destination.time).into(), now);
                 let go = EditCommand::GoTo(destination.center_mm, destination.radius_mm);
                 self.work.apply(&go.into(), now);
-                self.work.notice = Some(destination.notice);
+                self.work.notice = Some(destination.notice.into());
             }
-            Some(Search::Nowhere(why)) => self.work.notice = Some(why),
-            Some(Search::Working) => self.work.notice = Some("Looking for the place…".to_owned()),
+            Some(Search::Nowhere(why)) => self.work.notice = Some(why.into()),
+            Some(Search::Working) => self.work.notice = Some("Looking for the place…".into()),
             None => {}
         }
     }

@@ -45,7 +45,7 @@ use egui::{CentralPanel, Context, Event, Panel, Rect, Ui};
 use glioscope_render::{Gpu, RenderError};
 
 use crate::{
-    command::{AppCommand, Command, Commands, EditCommand, LookCommand, Workstation, listed},
+    command::{AppCommand, Command, Commands, EditCommand, LookCommand, Notice, Workstation, listed},
     error::AppError,
     model::{Answers, CaseRef, Document, Edit, PaneId, ResponseSetting, layout},
     theme,
@@ -140,7 +140,7 @@ pub struct GlioscopeApp {
     explain: Option<Explain>,
     pictures: Pictures,
     /// A file being written on a worker, with the notice for its end.
-    export: Option<Job<String>>,
+    export: Option<Job<Notice>>,
     scripted: Option<ScriptedPicture>,
     /// A command that goes to a place which a worker looks for.
     going_to: Option<AppCommand>,
@@ -314,9 +314,10 @@ impl GlioscopeApp {
         }
         if passed_over > 0 {
             let files = if passed_over == 1 { "file was" } else { "files were" };
-            self.work.notice = Some(format!(
+            let told = format!(
                 "A manifest or a session was dropped and is opened alone; {passed_over} other {files} passed over."
-            ));
+            );
+            self.work.notice = Some(told.into());
         }
         self.keep_work(&ctx, now);
         if self.dialog.is_none() && self.open.path.is_none() {
@@ -580,7 +581,10 @@ impl GlioscopeApp {
         }
         for written in self.pictures.write() {
             match written {
-                Ok(path) => self.work.notice = Some(format!("Picture written to {}", path.display())),
+                Ok(path) => {
+                    let text = format!("Picture written to {}", path.display());
+                    self.work.notice = Some(Notice::wrote(text, &path));
+                }
                 Err(error) => self.work.error = Some(error),
             }
             if let (Some(scripted), None) = (&mut self.scripted, &self.work.error) {

@@ -137,8 +137,8 @@ pub fn show(
         } else {
             if let Some(first) = study.failed.first() {
                 let count = study.failed.len();
-                work.notice =
-                    Some(format!("{count} images couldn't be retrieved: {}", printable(&first.reason)));
+                let why = printable(&first.reason);
+                work.notice = Some(format!("{count} images couldn't be retrieved: {why}").into());
             }
             in_use.push(study.in_use);
             out.push(AppCommand::Open(CaseRef::Path(study.folder)));

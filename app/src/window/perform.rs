@@ -15,7 +15,7 @@ use super::{
     typed_path::TypedPath,
 };
 use crate::{
-    command::{AppCommand, EditCommand},
+    command::{AppCommand, EditCommand, Notice},
     error::AppError,
     export::{self, Export, Format, What},
     model::{
@@ -63,7 +63,7 @@ impl GlioscopeApp {
             return;
         }
         let pictures = if now == 1 { "1 picture".to_owned() } else { format!("{now} pictures") };
-        self.work.notice = Some(format!("Kept for the report: {} ({pictures})", pane.title()));
+        self.work.notice = Some(format!("Kept for the report: {} ({pictures})", pane.title()).into());
     }
 
     pub(super) fn open_file_dialog(&mut self, ctx: &Context, purpose: Purpose) {
@@ -168,6 +168,12 @@ impl GlioscopeApp {
                 self.preferences.save();
                 self.write_report(ctx, *options, path);
             }
+            AppCommand::OpenWritten(path) => {
+                if let Err(error) = open::that_detached(path) {
+                    let found = format!("nothing that opens it ({error})");
+                    self.work.error = Some(AppError::file(path, found, "a program for files of its kind"));
+                }
+            }
             AppCommand::ShowPalette => self.palette.open(),
             AppCommand::ShowMasks => self.open.masks = true,
             AppCommand::ShowPacs => self.open.pacs = Some(PacsDialog::new()),
@@ -193,9 +199,10 @@ impl GlioscopeApp {
                     .as_ref()
                     .is_some_and(|doc| self.preferences.keep_layout(name, &doc.edit.layout));
                 if !kept {
-                    self.work.notice = Some(format!(
+                    let why = format!(
                         "Layout not kept: a name of 1 to {MOST_LAYOUT_NAME} characters, and at most {MOST_LAYOUTS} layouts"
-                    ));
+                    );
+                    self.work.notice = Some(why.into());
                 }
             }
             AppCommand::ForgetLayout(name) => self.preferences.forget_layout(name),
@@ -266,7 +273,9 @@ impl GlioscopeApp {
         };
         let path = path.to_owned();
         self.export = Some(Job::start(Waker::of(ctx), move |_| {
-            picture.write(&gpu, &path).map(|()| format!("Picture written to {}", path.display()))
+            picture
+                .write(&gpu, &path)
+                .map(|()| Notice::wrote(format!("Picture written to {}", path.display()), &path))
         }));
     }
 
@@ -285,7 +294,9 @@ impl GlioscopeApp {
         };
         let path = path.to_owned();
         self.export = Some(Job::start(Waker::of(ctx), move |progress| {
-            shown.write(&path, progress).map(|()| format!("Numbers written to {}", path.display()))
+            shown
+                .write(&path, progress)
+                .map(|()| Notice::wrote(format!("Numbers written to {}", path.display()), &path))
         }));
     }
 
@@ -337,7 +348,7 @@ impl GlioscopeApp {
                 written.notes.into_iter().chain(written.checks.into_iter().map(|check| check.message));
             let notes: Vec<String> = notes.collect();
             let text = format!("Masks written to {}", path.display());
-            Ok(if notes.is_empty() { text } else { format!("{text} ({})", notes.join("; ")) })
+            Ok(if notes.is_empty() { text } else { format!("{text} ({})", notes.join("; ")) }.into())
         }));
     }
 
@@ -358,7 +369,7 @@ impl GlioscopeApp {
     fn save_manifest(&mut self, path: &Path) {
         let written = self.work.manifest_for(path).and_then(|text| Ok(write_whole(path, text.as_bytes())?));
         match written {
-            Ok(()) => self.work.notice = Some(format!("Manifest written to {}", path.display())),
+            Ok(()) => self.work.notice = Some(format!("Manifest written to {}", path.display()).into()),
             Err(error) => self.work.error = Some(error),
         }
     }

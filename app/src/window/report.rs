@@ -19,7 +19,7 @@ use super::{
 };
 pub use crate::report::Options;
 use crate::{
-    command::{AppCommand, Command, Commands, EditCommand, Workstation},
+    command::{AppCommand, Command, Commands, EditCommand, Notice, Workstation},
     error::AppError,
     model::{
         Document,
@@ -227,7 +227,7 @@ pub fn write(
     (gpu, inputs): (&Gpu, &Inputs),
     path: &Path,
     progress: &Progress,
-) -> Result<String, AppError> {
+) -> Result<Notice, AppError> {
     let kind = FileKind::of(path).ok_or_else(|| AppError::file(path, "another ending", FileKind::ENDINGS))?;
     // Before seconds of drawing.
     inputs.refuse_as_output(path)?;
@@ -259,7 +259,7 @@ pub fn write(
     };
     output::write(path, inputs, &bytes)?;
     let notes = if notes.is_empty() { String::new() } else { format!(" ({})", notes.join("; ")) };
-    Ok(format!("Report written to {}{notes}", path.display()))
+    Ok(Notice::wrote(format!("Report written to {}{notes}", path.display()), path))
 }
 
 /// The report of a case and document that have no more of the identity than it may show; `response` as in [`report::make`].

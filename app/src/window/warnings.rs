@@ -101,7 +101,14 @@ pub fn status(ui: &mut Ui, work: &mut Workstation, out: &mut Commands) {
             sign(ui, ink);
             line(ui, egui::RichText::new(error.to_string()).color(ink));
         } else if let Some(notice) = &work.notice {
-            line(ui, notice.into());
+            if let Some(file) = &notice.file {
+                let command = AppCommand::OpenWritten(file.clone());
+                let tip = Command::from(command.clone()).tooltip();
+                if ui.button("Open").on_hover_text(tip).clicked() {
+                    out.push(command);
+                }
+            }
+            line(ui, notice.text.as_str().into());
         } else if let Some(text) = work.world.case().and_then(|case| moved(case)) {
             let width = (ui.available_width() - DISCLAIMER_POINTS).max(120.0);
             ui.scope(|ui| {

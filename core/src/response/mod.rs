@@ -152,6 +152,9 @@ fn judgements(
         };
         if at >= baseline {
             let reports = judge.lines.iter().zip(&lesions);
+            if at == baseline {
+                judgement.reasons.extend(epoch.against.clone());
+            }
             judgement.sums =
                 reports.filter_map(|(line, lesions)| judge.sum_report(line, at, lesions)).collect();
         }

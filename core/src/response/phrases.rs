@@ -15,6 +15,7 @@ templates! {
     BASELINE_AFTER_SURGERY = "baseline {scan}, the first scan after surgery";
     BASELINE_BEFORE_TREATMENT = "baseline {scan}, the last scan within {days} days before treatment";
     BASELINE_AFTER_RADIOTHERAPY = "baseline {scan}, {days} days after radiotherapy";
+    CRITERIA_CHOOSE = "the criteria would choose another: {baseline}";
     NO_TREATMENT_STATED = "no treatment is stated";
     NO_SCAN_BEFORE_TREATMENT = "no scan within {days} days before treatment";
     NO_RADIOTHERAPY = "no radiotherapy, after which the baseline would be";

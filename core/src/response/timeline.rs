@@ -35,6 +35,8 @@ pub(super) struct Epoch<'a> {
     pub baseline: Result<usize, Vec<Input>>,
     /// How the baseline was chosen, or why not.
     pub why: Reason,
+    /// What the criteria say against a baseline that was stated.
+    pub against: Option<Reason>,
     /// Targets that the user states.
     pub stated_targets: Option<&'a [String]>,
 }
@@ -172,12 +174,14 @@ pub(super) fn epochs<'a>(history: &'a History, scans: &[Scan<'a>]) -> Result<Vec
         }
         let in_epoch = stated.filter(|stated| (first..end).contains(stated));
         let was_judged = epochs.iter().any(|epoch| epoch.baseline.is_ok());
+        let by_rule = baseline_by_rule(history, scans, first, end, after);
+        let mut against = None;
         let (baseline, why) = if let Some(chosen) = own.or(in_epoch) {
+            against = own.is_none().then(|| said_against(chosen, &by_rule)).flatten();
             let label = scans.get(chosen).map_or("", |scan| scan.label);
             let words = say::BASELINE_STATED.with([("scan", label.into())]);
             (Ok(chosen), Reason { rule: own.map(|_| RuleId::SurgeryResets), ..Reason::plain(words) })
         } else {
-            let by_rule = baseline_by_rule(history, scans, first, end, after);
             match by_rule {
                 (Err(_), _) if was_judged && first < end => {
                     let label = scans.get(first).map_or("", |scan| scan.label);
@@ -191,12 +195,28 @@ pub(super) fn epochs<'a>(history: &'a History, scans: &[Scan<'a>]) -> Result<Vec
         let stated_targets =
             stated_targets.or(history.targets.as_deref().filter(|_| !has_targets && baseline.is_ok()));
         has_targets |= baseline.is_ok();
-        epochs.push(Epoch { first, end, baseline, why, stated_targets });
+        epochs.push(Epoch { first, end, baseline, why, against, stated_targets });
     }
     Ok(epochs)
 }
 
 type Chosen = (Result<usize, Vec<Input>>, Reason);
+
+/// What the criteria's own choice says against a stated baseline; `None` where it is the same scan, or can't be made.
+fn said_against(stated: usize, by_rule: &Chosen) -> Option<Reason> {
+    let (chosen, why) = by_rule;
+    match chosen {
+        Ok(chosen) if *chosen == stated => None,
+        Ok(_) => Some(Reason {
+            rule: why.rule,
+            ..Reason::plain(say::CRITERIA_CHOOSE.with([("baseline", why.phrase.clone().into())]))
+        }),
+        Err(_) => {
+            let none = [say::NO_SCAN_BEFORE_TREATMENT, say::NO_SCAN_IN_DAYS, say::NO_SCAN_AFTER_RADIOTHERAPY];
+            none.contains(&why.phrase.template).then(|| why.clone())
+        }
+    }
+}
 
 /// The baseline as the criterion states it, from sources that were read.
 fn baseline_by_rule(history: &History, scans: &[Scan<'_>], first: usize, end: usize, after: i32) -> Chosen {

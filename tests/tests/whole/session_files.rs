@@ -387,6 +387,9 @@ fn leaving_with_unsaved_work_asks() {
     };
     ask_to_close(&mut harness);
     assert!(!has_close_command(&harness, &egui::ViewportCommand::CancelClose), "nothing to lose");
+    let lens = harness.state().work.doc.as_ref().unwrap().edit.lens;
+    perform(&mut harness, EditCommand::SetLensRadius(lens.radius_mm + 1.0));
+    assert!(!harness.state().work.has_unsaved_work(), "looking around");
 
     perform(&mut harness, EditCommand::ToggleLens);
     ask_to_close(&mut harness);

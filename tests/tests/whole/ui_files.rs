@@ -201,4 +201,8 @@ fn the_report_dialog_writes_what_was_chosen_of_what_is_shown() {
     // That the reader isn't named is said; the day is.
     assert!(page.contains("Stabil.") && page.contains("in diesem Bericht nicht genannt, 2024-05-02"));
     assert!(!page.contains("Kanarienvogel"));
+    // The next thing wanted is to see it.
+    let notice = harness.state().work.notice.clone().unwrap();
+    assert_eq!(notice.file.as_deref(), Some(out.as_path()));
+    harness.get_by_label("Open");
 }

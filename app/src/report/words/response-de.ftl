@@ -6,6 +6,7 @@ reason-day = Tag { $day }
 reason-baseline-stated = Ausgangsbefund { $scan }, wie in der Vorgeschichte angegeben
 reason-baseline-after-surgery = Ausgangsbefund { $scan }, die erste Untersuchung nach der Operation
 reason-baseline-before-treatment = Ausgangsbefund { $scan }, die letzte Untersuchung innerhalb von { $days } Tagen vor Therapiebeginn
+reason-criteria-choose = die Kriterien wählten einen anderen: { $baseline }
 reason-baseline-after-radiotherapy = Ausgangsbefund { $scan }, { $days } Tage nach Ende der Bestrahlung
 reason-no-treatment-stated = keine Therapie angegeben
 reason-no-scan-before-treatment = keine Untersuchung innerhalb von { $days } Tagen vor Therapiebeginn

@@ -53,14 +53,18 @@ pub(super) fn show(
     let mut edits = Vec::new();
     ui.horizontal_wrapped(|ui| {
         let proposed = report.proposed().count();
-        if proposed > 0 {
-            if is_asked(ui, "Next proposed", "The next link that nobody verified", Some(NEXT)) {
-                next(input, report, selected, out);
-            }
-            let text = format!("Verify all {proposed}");
-            if is_asked(ui, &text, "Every link that is shown is right", None) {
-                edits = verify_all(report);
-            }
+        // Where there are links, the buttons stay when the last one is verified: what is below doesn't move.
+        if !report.links.is_empty() {
+            ui.add_enabled_ui(proposed > 0, |ui| {
+                if is_asked(ui, "Next proposed", "The next link that nobody verified", Some(NEXT)) {
+                    next(input, report, selected, out);
+                }
+                let text =
+                    if proposed > 0 { format!("Verify all {proposed}") } else { "All verified".to_owned() };
+                if is_asked(ui, &text, "Every link that is shown is right", None) {
+                    edits = verify_all(report);
+                }
+            });
             ui.separator();
         }
         match selected.clone() {

@@ -29,12 +29,14 @@ pub(super) fn head(ui: &mut Ui, evaluated: Option<&Evaluated>, status: &Status) 
     };
     ui.colored_label(color, text);
     let links = evaluated.map_or(0, |evaluated| evaluated.proposed_links);
-    if links > 0 {
+    if evaluated.is_some() {
         let text = match links {
+            0 => "No link between lesions waits for a reader".to_owned(),
             1 => "These calls rest on 1 link between lesions that no reader has verified".to_owned(),
             n => format!("These calls rest on {n} links between lesions that no reader has verified"),
         };
-        ui.colored_label(warn, text).on_hover_text("Lesions: N goes to the next one, V verifies it");
+        let ink = if links > 0 { warn } else { ui.visuals().weak_text_color() };
+        ui.colored_label(ink, text).on_hover_text("Lesions: N goes to the next one, V verifies it");
     }
 }
 

@@ -30,6 +30,8 @@ pub static TABLE: &[Made] = &[
     m("baseline 28 days after radiotherapy", R20, "#auto\nassessment = \"enhancing\"\nradiotherapy_end = {0}", "-20 A=30x10 | 28 A=20x10 | 150 A=25x10", (1, 'd'), "baseline", "baseline_earliest"),
     m("baseline 21 days after radiotherapy", R20, "#auto\nassessment = \"enhancing\"\nradiotherapy_end = {0}", "20 A=20x10 | 21 A=20x10 | 150 A=25x10", (1, 'd'), "baseline", "baseline_earliest"),
     m("20 days after radiotherapy is no baseline", R20, "#auto\nassessment = \"enhancing\"\nradiotherapy_end = {0}", "20 A=20x10 | 150 A=25x10", (1, 'd'), "cannot say [baseline]", "baseline_earliest"),
+    m("stated baseline 20 days after radiotherapy", R20, "assessment = \"enhancing\"\nradiotherapy_end = {0}", "20 A=20x10 | 150 A=25x10", (0, 'd'), "baseline", "baseline_earliest"),
+    m("stated baseline before the one of the criteria", R20, "assessment = \"enhancing\"\nradiotherapy_end = {0}", "-20 A=30x10 | 28 A=20x10", (0, 'd'), "baseline", "baseline_earliest"),
     m("baseline 35 days after radiotherapy", R20, "#auto\nassessment = \"enhancing\"\nradiotherapy_end = {0}", "35 A=20x10 | 150 A=25x10", (1, 'd'), "PD", "progression"),
     m("36 days after radiotherapy is no baseline", R20, "#auto\nassessment = \"enhancing\"\nradiotherapy_end = {0}", "36 A=20x10 | 150 A=25x10", (1, 'd'), "cannot say [baseline]", "baseline_earliest"),
     m("baseline after surgery and radiotherapy", R20, "#auto\nassessment = \"enhancing\"\nradiotherapy_end = {0}\n[[surgery]]\ndate = {-60}", "-65 A=40x10 | -58 A=25x10 | 28 A=20x10 | 150 A=25x10", (3, 'd'), "PD", "progression"),

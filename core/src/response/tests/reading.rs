@@ -186,6 +186,24 @@ fn measurements_of_the_program_join_those_of_the_file() {
 }
 
 #[test]
+fn what_the_criteria_say_against_a_stated_baseline_is_told() {
+    let said = |scans: &str| {
+        let head = "assessment = \"enhancing\"\nradiotherapy_end = {0}";
+        let history = History::parse(&toml(Criterion::Rano20, head, scans)).unwrap();
+        let judgement = &evaluate(&history, &[]).unwrap().dates[0].by_diameters;
+        judgement.reasons.iter().map(|reason| reason.words.clone()).collect::<Vec<_>>()
+    };
+    assert_eq!(said("20 A=20x10 | 150 A=25x10")[1..], ["no scan 21 to 35 days after radiotherapy"]);
+    let another = said("-20 A=30x10 | 28 A=20x10");
+    assert!(
+        another[1].starts_with("the criteria would choose another: baseline ")
+            && another[1].ends_with("28 days after radiotherapy"),
+        "{another:?}"
+    );
+    assert_eq!(said("28 A=20x10 | 150 A=25x10").len(), 1, "the same scan");
+}
+
+#[test]
 fn output_has_stable_names() {
     let text = toml(Criterion::Rano20, "assessment = \"enhancing\"", "0 A=20x10/5 | 56 A=10x10/2 ?new");
     let response = evaluate(&History::parse(&text).unwrap(), &[]).unwrap();

@@ -4,9 +4,10 @@ use std::path::PathBuf;
 
 use clap::Args;
 use glioscope_core::{
-    Check,
-    case::{Alignment, CaseGridChoice, DateRegistration, LoadOptions, register_dates},
+    Cancelled, Check, Progress,
+    case::{Alignment, Case, CaseGridChoice, CaseRegistration, LoadOptions, register_dates, register_images},
     files::{DEFAULT_MAX_BYTES, format::volume_names},
+    register::Model,
 };
 
 use super::{register::ModelArgument, terminal};
@@ -43,6 +44,10 @@ pub struct MaskArguments {
     /// scales and shears. What can't be registered is said and stays where its files say.
     #[arg(long, value_enum, value_name = "MODEL", num_args = 0..=1, require_equals = true, default_missing_value = "rigid")]
     pub register: Option<ModelArgument>,
+    /// Register the other images of each date to its first one, by mutual information, each with the masks that were drawn on its
+    /// grid; before --register.
+    #[arg(long, value_enum, value_name = "MODEL", num_args = 0..=1, require_equals = true, default_missing_value = "rigid")]
+    pub register_images: Option<ModelArgument>,
     /// All files lie in one space, though they state several frames of reference.
     #[arg(long)]
     pub one_space: bool,
@@ -103,8 +108,12 @@ impl CaseArguments {
     /// [`AppError`] where none is given and `or_sample` is false, and for a session that can't be read.
     pub fn request(&self, or_sample: bool) -> Result<Request, AppError> {
         let request = self.plain_request(or_sample)?;
+        let request = match self.parts.register_images {
+            Some(model) => registered(request, "--register-images", model, register_images)?,
+            None => request,
+        };
         match self.parts.register {
-            Some(model) => registered(request, model),
+            Some(model) => registered(request, "--register", model, register_dates),
             None => Ok(request),
         }
     }
@@ -138,28 +147,31 @@ impl CaseArguments {
     }
 }
 
-/// The request with its dates registered.
-fn registered(mut request: Request, model: ModelArgument) -> Result<Request, AppError> {
+/// The request with its dates or images registered, as `option` asks.
+fn registered(
+    mut request: Request,
+    option: &str,
+    model: ModelArgument,
+    register: fn(&Case, Option<&str>, Model, &Progress) -> Result<Vec<CaseRegistration>, Cancelled>,
+) -> Result<Request, AppError> {
     let read = terminal::with_progress(|progress| load::read_at_once(request.clone(), progress))?;
-    let dates = terminal::with_progress(|progress| register_dates(&read.case, None, model.into(), progress))?;
-    if dates.is_empty() {
-        return Err(AppError::wrong(
-            "--register",
-            "no date to move",
-            "a case with several dates, some of them not moved yet",
-        ));
+    let found = terminal::with_progress(|progress| register(&read.case, None, model.into(), progress))?;
+    if found.is_empty() {
+        let expected = "a case with several dates or images, some of them not moved yet";
+        return Err(AppError::wrong(option, "nothing to move", expected));
     }
-    for DateRegistration { time, images, result, .. } in dates {
-        let images = images.map(|[first, own]| format!("{own} on {first}: ")).unwrap_or_default();
+    for CaseRegistration { time, images, result, .. } in found {
+        let images = images.map(|[fixed, own]| format!("{own} on {fixed}: ")).unwrap_or_default();
+        let time = if time.is_empty() { String::new() } else { format!("{time}: ") };
         match result {
             Ok(registered) => {
-                let warning = |text: &String| Check::warning("registered", format!("{time}: {images}{text}"));
+                let warning = |text: &String| Check::warning("registered", format!("{time}{images}{text}"));
                 request.findings.extend(registered.warnings.iter().map(warning));
-                request.options.alignments.push(registered.alignment);
+                request.options.alignments.extend(registered.alignments);
             }
             Err(why) => request.findings.push(Check::warning(
                 "registration-failed",
-                format!("{time}: {images}{why}; it lies where its files say"),
+                format!("{time}{images}{why}; it lies where its files say"),
             )),
         }
     }

@@ -114,7 +114,7 @@ fn open(case: &CaseArguments, window: WindowArguments) -> Result<(), AppError> {
         return Err(AppError::wrong(
             "--register",
             "the window",
-            "a command, or Tools, Align dates in the window",
+            "a command, or Tools, Align dates and images in the window",
         ));
     }
     run::run(Start {

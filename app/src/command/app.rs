@@ -308,7 +308,7 @@ impl AppCommand {
             Self::ShowPacs => Label::new("Open from PACS…").detail("Studies of an archive, by DICOMweb"),
             Self::ShowMakeMask => Label::new("Make a mask of the selection…")
                 .detail("Of what is shown, of what is in the lens, of one piece, or where masks agree"),
-            Self::ShowAlign => Label::new("Align dates…")
+            Self::ShowAlign => Label::new("Align dates and images…")
                 .detail("By registration, by a transform of another program, or by hand"),
             Self::ChooseTransform(_) => Label::new("Choose a transform"),
             Self::AlignByFile(..) => Label::new("Move the date by a transform"),
@@ -357,9 +357,12 @@ impl AppCommand {
             Self::ExportCohort | Self::ExportCohortTo(_) => work.cohort_in_front().is_some(),
             // The sample has no files.
             Self::ShowCaseFiles => work.doc.as_ref().is_some_and(|doc| doc.case != CaseRef::Sample),
-            Self::GoToGrowth | Self::ShowAlign | Self::ChooseTransform(_) | Self::AlignByFile(..) => {
+            Self::GoToGrowth | Self::ChooseTransform(_) | Self::AlignByFile(..) => {
                 work.world.time_point_count() > 1
             }
+            Self::ShowAlign => work.world.case().is_some_and(|case| {
+                case.time_points.len() > 1 || case.time_points.iter().any(|time| time.contexts.len() > 1)
+            }),
             Self::ExportRulers(_) | Self::ExportRulersTo(_) => {
                 work.doc.as_ref().is_some_and(|doc| !doc.edit.rulers.is_empty())
             }

@@ -412,11 +412,12 @@ impl Content<'_> {
         let what = if aligned.time.is_empty() { what } else { format!("{what}, {}", aligned.time) };
         let how = self.redactor.text(&aligned.by.join("; "));
         let consistency = aligned.consistency_mm.map(|mm| words.number(&format!("{mm:.2} mm")));
-        let how = match consistency {
-            Some(mm) => format!("{how}; {}", words.with("consistency", &[("mm", mm)])),
-            None => how,
+        let consistency = consistency.map(|mm| words.with("consistency", &[("mm", mm)]));
+        let seen = match &aligned.accepted {
+            Some(day) => words.with("alignment-accepted", &[("date", day.clone())]),
+            None => words.get("alignment-not-accepted"),
         };
-        (what, how)
+        (what, [Some(how), consistency, Some(seen)].into_iter().flatten().collect::<Vec<_>>().join("; "))
     }
 
     /// The volume of each mask over the dates, names of the dates, and their places on a time axis.

@@ -421,7 +421,7 @@ fn flag_text(flag: Flag) -> Option<&'static str> {
         Flag::FromEmpty => "nothing at the earlier date",
         Flag::ToEmpty => "nothing at the later date",
         Flag::NoOverlap => "no overlap: not aligned? Only volumes are compared",
-        Flag::NotAligned => "not aligned (Tools, Align dates): only volumes are compared",
+        Flag::NotAligned => "not aligned (Tools, Align dates and images): only volumes are compared",
         Flag::Vanished => "components vanished: no counterpart",
         Flag::Appeared => "components appeared: no counterpart",
         Flag::Split => "components split",

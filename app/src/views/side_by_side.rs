@@ -189,7 +189,7 @@ impl Pane for SideBySidePane {
         }
         if let Some(compared) = input.compared.filter(|compared| compared.report.has_volumes_only()) {
             let why = compared.report.own_warnings(input.case).first().map(|check| check.message.clone());
-            let text = "Not aligned: these slices show different places (Tools, Align dates)";
+            let text = "Not aligned: these slices show different places (Tools, Align dates and images)";
             let response = ui.colored_label(ui.visuals().warn_fg_color, text);
             response.on_hover_text(why.unwrap_or_default());
         }

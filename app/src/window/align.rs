@@ -1,23 +1,30 @@
-//! The window that brings dates into one space: by registration, by a transform of another program, or by hand.
+//! The window that brings dates, and the images of a date, into one space: by registration, by a transform of another program, or by
+//! hand; and in which a reader says that the anatomy meets.
 
 use egui::{ComboBox, Key, Modifiers, ProgressBar, Ui};
 use glam::{DAffine3, DMat3, DVec3};
 use glioscope_core::{
-    case::{AlignedBy, Alignment, DateRegistration, register_dates},
+    Cancelled, Progress,
+    case::{
+        Aligned, AlignedBy, Alignment, Case, CaseRegistration, TimePoint, register_dates, register_images,
+    },
     register::Model,
     transform::Convention,
 };
 use glioscope_render::flat::{ColorMap, Mixing};
+use jiff::Timestamp;
 
 use super::label::label_for_screen_readers;
 use crate::{
     command::{AppCommand, Commands, EditCommand, LookCommand, Workstation},
     format,
-    model::{Document, SecondImage},
+    model::{Document, Fusion, SecondImage},
     world::jobs::{Job, Waker},
 };
 
 const WIDTH_POINTS: f32 = 470.0;
+/// Most height of the list of dates and images, points.
+const LIST_POINTS: f32 = 260.0;
 /// What a date that was moved by hand was moved by.
 const BY_HAND: &str = "hand";
 /// Steps by hand, in millimetres and degrees.
@@ -31,9 +38,9 @@ pub struct Align {
     step: f64,
     /// What a bare matrix means.
     convention: Option<Convention>,
-    job: Option<Job<Vec<DateRegistration>>>,
-    /// What the last registration found, by date.
-    found: Vec<DateRegistration>,
+    job: Option<Job<Vec<CaseRegistration>>>,
+    /// What the last registration found.
+    found: Vec<CaseRegistration>,
 }
 
 impl Default for Align {
@@ -43,17 +50,59 @@ impl Default for Align {
 }
 
 impl Align {
+    fn found_of(&self, target: Target<'_>) -> Option<&CaseRegistration> {
+        self.found.iter().find(|found| found.time == target.time && found.id.as_deref() == target.id)
+    }
+
     /// The alignment of a date by a file, as the window's choices say.
     pub fn by_file(&self, time: String, path: std::path::PathBuf) -> Alignment {
         let convention = self.convention.map(|convention| convention.word().to_owned());
-        Alignment { id: None, time: Some(time), by: AlignedBy::File { path, convention, images: None } }
+        Alignment::of(None, Some(time), AlignedBy::File { path, convention, images: None })
+    }
+}
+
+/// What is moved: a date, or an image within its date.
+#[derive(Clone, Copy, PartialEq)]
+struct Target<'a> {
+    time: &'a str,
+    id: Option<&'a str>,
+}
+
+impl Target<'_> {
+    fn is_of(&self, alignment: &Alignment) -> bool {
+        alignment.id.as_deref() == self.id && alignment.time.as_deref().unwrap_or_default() == self.time
+    }
+
+    fn own<'d>(&self, doc: &'d Document) -> Option<&'d Alignment> {
+        doc.edit.alignments.iter().find(|alignment| self.is_of(alignment))
+    }
+
+    /// Whether `other` moves with `own`, which is this one's: the masks of an image do.
+    fn moves_with(&self, own: &Alignment, other: &Alignment) -> bool {
+        self.is_of(other) || (self.id.is_some() && other.time == own.time && other.by == own.by)
     }
 }
 
 /// The alignments of a document with that of a date replaced, or removed.
 pub fn with_date(doc: &Document, time: &str, new: Option<Alignment>) -> Vec<Alignment> {
-    let is_other = |a: &&Alignment| a.id.is_some() || a.time.as_deref() != Some(time);
-    doc.edit.alignments.iter().filter(is_other).cloned().chain(new).collect()
+    let target = Target { time, id: None };
+    let others = doc.edit.alignments.iter().filter(|other| !target.is_of(other));
+    others.cloned().chain(new).collect()
+}
+
+/// The alignments of a document without one of them, and without what moves with it.
+fn without(doc: &Document, target: Target<'_>, own: &Alignment) -> Vec<Alignment> {
+    doc.edit.alignments.iter().filter(|other| !target.moves_with(own, other)).cloned().collect()
+}
+
+/// The alignments of a document with one of them accepted today, and what moves with it.
+fn accepted(doc: &Document, target: Target<'_>, own: &Alignment) -> Vec<Alignment> {
+    let today = Timestamp::now().strftime("%Y-%m-%d").to_string();
+    let mut all = doc.edit.alignments.clone();
+    all.iter_mut()
+        .filter(|other| target.moves_with(own, other))
+        .for_each(|a| a.accepted = Some(today.clone()));
+    all
 }
 
 /// Draws the window while it is open.
@@ -65,24 +114,35 @@ pub fn show(ui: &Ui, open: &mut Option<Align>, work: &Workstation, out: &mut Com
     };
     take_result(align, doc, out);
     let mut is_open = true;
-    let window = egui::Window::new("Align dates").open(&mut is_open).resizable(false).collapsible(false);
+    let window =
+        egui::Window::new("Align dates and images").open(&mut is_open).resizable(false).collapsible(false);
     window.default_pos([24.0, 64.0]).default_width(WIDTH_POINTS).show(ui.ctx(), |ui| {
         ui.set_width(WIDTH_POINTS);
-        let Some((first, others)) = case.time_points.split_first().filter(|(_, others)| !others.is_empty()) else {
-            ui.label("The case has one date: there is nothing to align.");
-            return;
-        };
-        ui.label(format!(
-            "The space of the case is that of {}. Each other date lies where its files say, until a registration, a \
-             transform or you move it. Volumes stay those of the files.",
-            first.label
-        ));
-        ui.add_space(6.0);
-        for date in others {
-            row(ui, align, work, doc, (&first.label, &date.label), out);
+        let Some((first, others)) = case.time_points.split_first() else { return };
+        let has_images = case.time_points.iter().any(|time| time.contexts.len() > 1);
+        if !others.is_empty() {
+            ui.label(format!(
+                "The space of the case is that of {}. Each other date lies where its files say, until a registration, a \
+                 transform or you move it. Volumes stay those of the files.",
+                first.label
+            ));
+            ui.add_space(6.0);
         }
+        // As high as there is room for, however many dates and images.
+        let list = egui::ScrollArea::vertical().max_height(LIST_POINTS).auto_shrink([false, true]);
+        list.show(ui, |ui| {
+            for date in others {
+                row(ui, align, work, doc, (Target { time: &date.label, id: None }, &first.label), out);
+            }
+            for time in case.time_points.iter().filter(|time| time.contexts.len() > 1) {
+                images(ui, align, work, doc, time, out);
+            }
+        });
         ui.separator();
-        register(ui, align, work);
+        register(ui, align, work, (!others.is_empty(), has_images));
+        if others.is_empty() {
+            return;
+        }
         ui.separator();
         bare_matrix(ui, align);
         let labels: Vec<&str> = others.iter().map(|date| date.label.as_str()).collect();
@@ -96,6 +156,30 @@ pub fn show(ui: &Ui, open: &mut Option<Align>, work: &Workstation, out: &mut Com
     }
 }
 
+/// The image of a date that the others are registered to: the one shown, else the first.
+fn fixed_image<'a>(doc: &Document, time: &'a TimePoint) -> Option<&'a str> {
+    let shown = time.contexts.iter().find(|c| Some(&c.id) == doc.nav.context.as_ref());
+    shown.or(time.contexts.first()).map(|c| c.id.as_str())
+}
+
+/// The images of a date that are moved, or were to be, within it.
+fn images(
+    ui: &mut Ui,
+    align: &Align,
+    work: &Workstation,
+    doc: &Document,
+    time: &TimePoint,
+    out: &mut Commands,
+) {
+    let Some(fixed) = fixed_image(doc, time) else { return };
+    for image in &time.contexts {
+        let target = Target { time: &time.label, id: Some(&image.id) };
+        if target.own(doc).is_some() || align.found_of(target).is_some() {
+            row(ui, align, work, doc, (target, fixed), out);
+        }
+    }
+}
+
 fn take_result(align: &mut Align, doc: &Document, out: &mut Commands) {
     let Some(result) = align.job.as_ref().and_then(Job::poll) else { return };
     align.job = None;
@@ -103,9 +187,10 @@ fn take_result(align: &mut Align, doc: &Document, out: &mut Commands) {
     let mut alignments = doc.edit.alignments.clone();
     for registration in &found {
         if let Ok(registered) = &registration.result {
-            let time = Some(registration.time.as_str());
-            alignments.retain(|a| a.id.is_some() || a.time.as_deref() != time);
-            alignments.push(registered.alignment.clone());
+            for new in &registered.alignments {
+                alignments.retain(|old| (&old.id, &old.time) != (&new.id, &new.time));
+                alignments.push(new.clone());
+            }
         }
     }
     align.found = found;
@@ -114,26 +199,35 @@ fn take_result(align: &mut Align, doc: &Document, out: &mut Commands) {
     }
 }
 
-/// A date: how it is moved, and what can be done with it.
+/// A date or image: how it is moved, and what can be done with it. `to`: the date or image whose space is kept.
 fn row(
     ui: &mut Ui,
     align: &Align,
     work: &Workstation,
     doc: &Document,
-    (first, date): (&str, &str),
+    (target, to): (Target<'_>, &str),
     out: &mut Commands,
 ) {
-    let own = doc.edit.alignments.iter().find(|a| a.id.is_none() && a.time.as_deref() == Some(date));
-    let of_case = work.world.case().is_some_and(|case| case.aligned.iter().any(|a| a.time == date));
+    let Target { time, id } = target;
+    let own = target.own(doc);
+    let is_of = |a: &Aligned| a.time == time && id.map_or(a.with_date, |id| a.id == id && a.has_own());
+    let of_case = work.world.case().is_some_and(|case| case.aligned.iter().any(is_of));
     ui.horizontal_wrapped(|ui| {
-        ui.strong(date);
+        let name = id.map_or_else(
+            || time.to_owned(),
+            |id| {
+                let of = if time.is_empty() { String::new() } else { format!(" of {time}") };
+                format!("{id}{of}")
+            },
+        );
+        ui.strong(name);
         match (own, of_case) {
             (Some(own), _) => ui.label(format!("moved by {}", own.by.name())),
             (None, true) => ui.label("moved by a transform of the case"),
             (None, false) => ui.label("as its files lie"),
         };
     });
-    if let Some(found) = align.found.iter().find(|found| found.time == date) {
+    if let Some(found) = align.found_of(target) {
         let images =
             found.images.as_ref().map(|[a, b]| if a == b { a.clone() } else { format!("{b} on {a}") });
         let images = images.map(|images| format!("{images}: ")).unwrap_or_default();
@@ -158,19 +252,49 @@ fn row(
     ui.horizontal_wrapped(|ui| {
         if ui
             .button("Look")
-            .on_hover_text("Both dates on the slices, divided by a line: does the anatomy meet?")
+            .on_hover_text("Both images on the slices, divided by a line: does the anatomy meet?")
             .clicked()
         {
-            look(doc, work, first, date, out);
+            match id {
+                None => look(doc, work, to, time, out),
+                Some(id) => look_within(work, (time, to), id, out),
+            }
         }
-        if ui.button("From a file…").on_hover_text("A transform of another program").clicked() {
-            out.push(AppCommand::ChooseTransform(date.to_owned()));
+        if id.is_none() && ui.button("From a file…").on_hover_text("A transform of another program").clicked()
+        {
+            out.push(AppCommand::ChooseTransform(time.to_owned()));
         }
-        if own.is_some() && ui.button("As its files lie").clicked() {
-            out.push(EditCommand::SetAlignments(with_date(doc, date, None)));
+        let Some(own) = own else { return };
+        match &own.accepted {
+            Some(day) => {
+                ui.label(format!("accepted {day}"));
+            }
+            None => {
+                let tip =
+                    "You looked, and the anatomy meets: said in the status line, in numbers and reports";
+                if ui.button("Accept").on_hover_text(tip).clicked() {
+                    out.push(EditCommand::SetAlignments(accepted(doc, target, own)));
+                }
+            }
+        }
+        let is_registered = matches!(own.by, AlignedBy::Matrix { consistency_mm: Some(_), .. });
+        let text = if is_registered && own.accepted.is_none() { "Reject" } else { "Take back" };
+        if ui.button(text).on_hover_text("It lies as its files say again").clicked() {
+            out.push(EditCommand::SetAlignments(without(doc, target, own)));
         }
     });
     ui.add_space(4.0);
+}
+
+/// Shows an image of a date with another one's of the same date behind a swipe line.
+fn look_within(work: &Workstation, (time, first): (&str, &str), second: &str, out: &mut Commands) {
+    let at = work.world.case().and_then(|case| case.time_at(time));
+    let Some((at, doc)) = at.zip(work.doc.as_ref()) else { return };
+    out.push(LookCommand::SetTime(at));
+    out.push(LookCommand::SetContext(Some(first.to_owned())));
+    let second = Some(SecondImage { id: second.to_owned(), time: None });
+    let fusion = Fusion { second, mixing: Mixing::Swipe, ..doc.edit.fusion.clone() };
+    out.push(EditCommand::SetFusion(Box::new(fusion)));
 }
 
 /// Shows the first date's image with the other date's behind a swipe line.
@@ -188,11 +312,13 @@ fn look(doc: &Document, work: &Workstation, first: &str, date: &str, out: &mut C
     out.push(LookCommand::SetContext(Some(id.to_owned())));
     let second = Some(SecondImage { id: id.to_owned(), time: Some(date.to_owned()) });
     let (mixing, map) = (Mixing::Swipe, ColorMap::Grey);
-    let fusion = crate::model::Fusion { second, mixing, map, ..doc.edit.fusion.clone() };
+    let fusion = Fusion { second, mixing, map, ..doc.edit.fusion.clone() };
     out.push(EditCommand::SetFusion(Box::new(fusion)));
 }
 
-fn register(ui: &mut Ui, align: &mut Align, work: &Workstation) {
+type Register = fn(&Case, Option<&str>, Model, &Progress) -> Result<Vec<CaseRegistration>, Cancelled>;
+
+fn register(ui: &mut Ui, align: &mut Align, work: &Workstation, (has_dates, has_images): (bool, bool)) {
     ui.horizontal_wrapped(|ui| {
         if let Some(job) = &align.job {
             let fraction = job.progress.fraction().unwrap_or(0.0);
@@ -203,15 +329,23 @@ fn register(ui: &mut Ui, align: &mut Align, work: &Workstation) {
             }
             return;
         }
+        let Some(case) = work.world.case() else { return };
+        let mut chosen: Option<Register> = None;
         let text = "Each date that isn't moved yet, to the first one. The masks of both dates, grown by 5 mm, don't count";
-        if ui.button("Register").on_hover_text(text).clicked()
-            && let Some(case) = work.world.case()
-        {
+        if has_dates && ui.button("Register").on_hover_text(text).clicked() {
+            chosen = Some(register_dates);
+        }
+        let text = "The other images of each date to the one that is shown, by mutual information. With an image move the masks that were \
+                    drawn on its grid";
+        if has_images && ui.button("Register images").on_hover_text(text).clicked() {
+            chosen = Some(register_images);
+        }
+        if let Some(register) = chosen {
             let (case, model) = (case.clone(), align.model);
             let image = work.doc.as_ref().and_then(|doc| doc.nav.context.clone());
             align.found.clear();
             align.job = Some(Job::start(Waker::of(ui.ctx()), move |progress| {
-                Ok(register_dates(&case, image.as_deref(), model, progress)?)
+                Ok(register(&case, image.as_deref(), model, progress)?)
             }));
         }
         ui.radio_value(&mut align.model, Model::Rigid, "turn and shift");
@@ -306,7 +440,7 @@ fn by_hand(
             let translation = center_mm - turn * center_mm + *shift * align.step;
             let moved = DAffine3 { matrix3: turn, translation } * case_from_date(work, doc, &shown);
             let by = AlignedBy::matrix(moved.inverse(), BY_HAND);
-            let alignment = Alignment { id: None, time: Some(shown.clone()), by };
+            let alignment = Alignment::of(None, Some(shown.clone()), by);
             out.push(EditCommand::SetAlignments(with_date(doc, &shown, Some(alignment))));
         }
     });

@@ -70,8 +70,12 @@ fn line(ui: &mut Ui, text: egui::RichText) {
 fn moved(case: &Case) -> Option<String> {
     let mut all: Vec<String> = Vec::new();
     for aligned in &case.aligned {
-        let what = if aligned.time.is_empty() { &aligned.id } else { &aligned.time };
-        let text = format!("{what} moved by {}", aligned.by.join(", then by "));
+        let what = if aligned.time.is_empty() || aligned.has_own() { &aligned.id } else { &aligned.time };
+        let seen = match &aligned.accepted {
+            Some(day) => format!("accepted {day}"),
+            None => "no reader has accepted it".to_owned(),
+        };
+        let text = format!("{what} moved by {} ({seen})", aligned.by.join(", then by "));
         if !all.contains(&text) {
             all.push(text);
         }

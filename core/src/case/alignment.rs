@@ -36,6 +36,9 @@ pub struct Alignment {
     pub time: Option<String>,
     /// Where it is from.
     pub by: AlignedBy,
+    /// The day on which a reader saw that the anatomy meets; `None`: nobody said so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub accepted: Option<String>,
 }
 
 /// Where a transform is from. Its fixed image is the one whose space is kept, its moving image the one that is moved.
@@ -150,6 +153,11 @@ impl Alignment {
     /// The form of an argument that states one.
     pub const FORM: &str = "ID[@TIME]=FILE[:CONVENTION], or @TIME=FILE";
 
+    /// One that nobody has accepted yet.
+    pub fn of(id: Option<String>, time: Option<String>, by: AlignedBy) -> Self {
+        Self { id, time, by, accepted: None }
+    }
+
     fn moves(&self, id: &str, time: Option<&str>) -> bool {
         self.id.as_deref().is_none_or(|own| own == id)
             && self.time.as_deref().is_none_or(|own| Some(own) == time)
@@ -185,14 +193,14 @@ impl Alignment {
             Some((id, time)) => (id.trim(), Some(time.trim().to_owned())),
             None => (target, None),
         };
-        Ok(Self { id: (!id.is_empty()).then(|| id.to_owned()), time, by })
+        Ok(Self::of((!id.is_empty()).then(|| id.to_owned()), time, by))
     }
 
     /// As it is meant for a case: an id may contain `@`. `None` where it moves nothing of it.
     fn meant(&self, spec: &CaseSpec) -> Option<Self> {
         let whole = match (&self.id, &self.time) {
             (Some(id), Some(time)) => {
-                Some(Self { id: Some(format!("{id}@{time}")), time: None, by: self.by.clone() })
+                Some(Self { id: Some(format!("{id}@{time}")), time: None, ..self.clone() })
             }
             _ => None,
         };
@@ -251,9 +259,21 @@ pub struct Aligned {
     pub by: Vec<String>,
     /// How far repeated registrations of it differ at the tumour (95 %); `None` where that was not measured.
     pub consistency_mm: Option<f64>,
+    /// The day on which a reader saw that the anatomy meets, the latest of its transforms'; `None`: nobody said so of each.
+    pub accepted: Option<String>,
+    /// Whether its date was moved, so that it lies in the space of the case; else only into that of its date.
+    #[serde(skip)]
+    pub with_date: bool,
     /// Maps RAS mm of its file to RAS mm of the case; as JSON four rows of four numbers.
     #[serde(serialize_with = "as_rows")]
     pub case_from_own: DAffine3,
+}
+
+impl Aligned {
+    /// Whether a transform of its own moved it, not that of its date alone.
+    pub fn has_own(&self) -> bool {
+        !self.with_date || self.by.len() > 1
+    }
 }
 
 fn as_rows<S: Serializer>(affine: &DAffine3, serializer: S) -> Result<S::Ok, S::Error> {
@@ -268,8 +288,6 @@ pub(super) struct Transforms {
 /// The place of an image or mask in the case.
 pub(super) struct Moved {
     pub grid: Grid,
-    /// Whether its date was moved, so that it lies in the space of the case; otherwise only into that of its date.
-    pub with_date: bool,
     pub aligned: Aligned,
 }
 
@@ -335,10 +353,15 @@ impl Transforms {
             is_mask,
             by: found.iter().map(|(a, _)| a.by.name()).collect(),
             consistency_mm: consistency(found.iter().map(|(a, _)| &a.by)),
+            accepted: found
+                .iter()
+                .map(|(a, _)| a.accepted.clone())
+                .collect::<Option<Vec<_>>>()
+                .and_then(|days| days.into_iter().max()),
+            with_date: found.iter().any(|(a, _)| a.id.is_none()),
             case_from_own,
         };
-        let with_date = found.iter().any(|(a, _)| a.id.is_none());
-        Ok(Some(Moved { grid, with_date, aligned }))
+        Ok(Some(Moved { grid, aligned }))
     }
 }
 

@@ -54,7 +54,7 @@ fn spec() -> CaseSpec {
 
 fn moving(id: Option<&str>, time: Option<&str>, moving_from_fixed: DAffine3) -> Alignment {
     let by = AlignedBy::matrix(moving_from_fixed, "hand");
-    Alignment { id: id.map(str::to_owned), time: time.map(str::to_owned), by }
+    Alignment::of(id.map(str::to_owned), time.map(str::to_owned), by)
 }
 
 fn loaded(spec: &CaseSpec, of_second: DAffine3, frames: [&str; 2]) -> Result<Case, CaseError> {
@@ -150,7 +150,7 @@ fn a_transform_that_moves_nothing_or_too_much_is_refused() {
 #[test]
 fn arguments_name_an_id_a_date_or_both() {
     let parts = |text| {
-        let Alignment { id, time, by } = Alignment::from_argument(text).unwrap();
+        let Alignment { id, time, by, accepted: _ } = Alignment::from_argument(text).unwrap();
         let AlignedBy::File { path, convention, .. } = by else { panic!() };
         (id, time, path.display().to_string(), convention)
     };

@@ -302,7 +302,7 @@ pub fn load_with(
             let MaskSpec { id, time, .. } = &spec.masks[m];
             let moved = transforms.moved(&spec.name, (id, time.as_deref()), true, &own_grid)?;
             all_moved &= moved.is_some();
-            let is_in_case = moved.as_ref().is_some_and(|moved| moved.with_date);
+            let is_in_case = moved.as_ref().is_some_and(|moved| moved.aligned.with_date);
             let (grid, aligned) =
                 moved.map_or_else(|| (own_grid.clone(), None), |moved| (moved.grid, Some(moved.aligned)));
             let mask = Mask::new(id.clone(), grid, selected.bits).ok_or_else(|| {

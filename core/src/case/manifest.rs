@@ -375,7 +375,7 @@ pub fn parse_manifest(text: &str, path: &Path) -> Result<CaseSpec, CaseError> {
             }
             _ => return wrong("neither a file nor a matrix, or both", "one of them"),
         };
-        spec.alignments.push(Alignment { id, time, by });
+        spec.alignments.push(Alignment::of(id, time, by));
     }
     if spec.contexts.is_empty() && spec.masks.is_empty() {
         return Err(location.wrong(None, "no [[context]] and no [[mask]]", "at least one"));

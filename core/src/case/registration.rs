@@ -1,15 +1,18 @@
-//! Registration of a case's dates: each to the first.
+//! Registration of a case's dates, each to the first, and of a date's images, each to one of them.
 
 use std::time::Instant;
 
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 
-use super::{AlignedBy, Alignment, Case, TimePoint};
+use super::{Aligned, AlignedBy, Alignment, Case, CaseMask, TimePoint};
 use crate::{
     Cancelled, Mask, Progress, decimal,
     register::{self, Consistency, Image, Measure, Model, Options, RegisterError},
     surface,
 };
+
+/// How far corners of two grids may be apart, in voxels, for a mask to be drawn on an image's grid.
+const SAME_GRID_VOXELS: f64 = 1e-3;
 
 /// Points of the tumour's surface at which repeated registrations are compared.
 const MOST_POINTS: usize = 2000;
@@ -22,12 +25,14 @@ pub const NOT_ALIGNED_MM: f64 = 4.0;
 /// the 95th percentile of χ² with 3 degrees of freedom.
 pub const P95_OF_UNIT_ERRORS: f64 = 2.795_483_482_915_108;
 
-/// The registration of one date.
+/// The registration of a date, or of an image within its date.
 #[derive(Clone, Debug, PartialEq)]
-pub struct DateRegistration {
-    /// Label of the date that is moved.
+pub struct CaseRegistration {
+    /// Label of the date that is moved, or in which the image is.
     pub time: String,
-    /// The images that were registered: of the first date, then of this one.
+    /// Id of the image that is moved; `None`: all of the date.
+    pub id: Option<String>,
+    /// The images that were registered: the fixed one, then the moving one.
     pub images: Option<[String; 2]>,
     /// The transform, or why there is none.
     pub result: Result<Registered, String>,
@@ -38,8 +43,8 @@ pub struct DateRegistration {
 /// A registration that can be applied.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Registered {
-    /// It moves the date.
-    pub alignment: Alignment,
+    /// They move the date; or the image, and each mask that was drawn on its grid.
+    pub alignments: Vec<Alignment>,
     /// How far repeated registrations disagree at the tumour: not accuracy.
     pub consistency: Consistency,
     /// What a user should know.
@@ -57,9 +62,10 @@ pub fn register_dates(
     image: Option<&str>,
     model: Model,
     progress: &Progress,
-) -> Result<Vec<DateRegistration>, Cancelled> {
+) -> Result<Vec<CaseRegistration>, Cancelled> {
     let Some((first, others)) = case.time_points.split_first() else { return Ok(Vec::new()) };
-    let is_moved = |time: &TimePoint| case.aligned.iter().any(|aligned| aligned.time == time.label);
+    let is_moved =
+        |time: &TimePoint| case.aligned.iter().any(|aligned| aligned.with_date && aligned.time == time.label);
     let mut all = Vec::new();
     for later in others.iter().filter(|later| !is_moved(later)) {
         let started = Instant::now();
@@ -68,11 +74,73 @@ pub fn register_dates(
             Some(pair) => {
                 progress.say(format!("Registering {} to {}", later.label, first.label));
                 let ids = pair.map(|(time, n)| time.contexts[n].id.clone());
-                (Some(ids), registered(pair, model, progress)?)
+                let fitted = fit(pair, &first.label, model, progress)?;
+                let of_date = |fit: Fit| {
+                    let by = fit.by(fit.moving_from_fixed);
+                    fit.registered(vec![Alignment::of(None, Some(later.label.clone()), by)])
+                };
+                (Some(ids), fitted.map(of_date))
             }
         };
         let seconds = started.elapsed().as_secs_f64();
-        all.push(DateRegistration { time: later.label.clone(), images, result, seconds });
+        all.push(CaseRegistration { time: later.label.clone(), id: None, images, result, seconds });
+    }
+    Ok(all)
+}
+
+/// Registers the other images of each date of `case` to one of them: `image` where the date has it, else its first. With an image
+/// move the masks that were drawn on its grid, unless that is the fixed image's, too, and the mask of its id. Images that a transform
+/// of their own moves already are left out. The date's masks, grown, don't count. Nothing is applied.
+///
+/// # Errors
+/// [`Cancelled`]; a registration that fails is in its image's result.
+pub fn register_images(
+    case: &Case,
+    image: Option<&str>,
+    model: Model,
+    progress: &Progress,
+) -> Result<Vec<CaseRegistration>, Cancelled> {
+    let mut all = Vec::new();
+    for time in &case.time_points {
+        let own_move = |id: &str, is_mask: bool| {
+            let mut own = case.aligned.iter().filter(|a| a.time == time.label && a.is_mask == is_mask);
+            own.find(|a| a.id == id)
+        };
+        let is_moved = |id: &str, is_mask: bool| own_move(id, is_mask).is_some_and(Aligned::has_own);
+        let fixed = time.contexts.iter().position(|c| Some(c.id.as_str()) == image).unwrap_or(0);
+        let Some(kept) = time.contexts.get(fixed) else { continue };
+        for (n, moving) in time.contexts.iter().enumerate() {
+            if n == fixed || is_moved(&moving.id, false) {
+                continue;
+            }
+            let started = Instant::now();
+            progress.say(format!("Registering {} to {}", moving.id, kept.id));
+            let case_from_date =
+                own_move(&moving.id, false).map_or(DAffine3::IDENTITY, |moved| moved.case_from_own);
+            let grid = moving.volume.grid();
+            let drawn_on_it = |m: &&CaseMask| {
+                let is_on = |grid| m.native_grid.same_place(grid, SAME_GRID_VOXELS);
+                m.mask.id() != moving.id && is_on(grid) && !is_on(kept.volume.grid())
+            };
+            let masks = time.masks.iter().filter(drawn_on_it).map(|m| m.mask.id());
+            let ids = std::iter::once(moving.id.as_str()).chain(masks.filter(|id| !is_moved(id, true)));
+            let label = (!time.label.is_empty()).then(|| time.label.clone());
+            let of_image = |fit: Fit| {
+                // Within the date, which may be moved itself.
+                let own = case_from_date.inverse() * fit.moving_from_fixed * case_from_date;
+                let alignment = |id: &str| Alignment::of(Some(id.to_owned()), label.clone(), fit.by(own));
+                let alignments = ids.map(alignment).collect();
+                fit.registered(alignments)
+            };
+            let result = fit([(time, fixed), (time, n)], &kept.id, model, progress)?.map(of_image);
+            all.push(CaseRegistration {
+                time: time.label.clone(),
+                id: Some(moving.id.clone()),
+                images: Some([kept.id.clone(), moving.id.clone()]),
+                result,
+                seconds: started.elapsed().as_secs_f64(),
+            });
+        }
     }
     Ok(all)
 }
@@ -141,7 +209,7 @@ pub fn apart_mm(
         Image { volume: &moving.volume, excluded: &masks[1] },
     ];
     let options = Options {
-        start: Some(glam::DAffine3::IDENTITY),
+        start: Some(DAffine3::IDENTITY),
         finest_mm: COARSE_MM,
         max_points: COARSE_POINTS,
         ..Options::default()
@@ -173,11 +241,35 @@ fn images_of<'a>(
     wanted.and_then(both).or_else(common).or_else(any)
 }
 
-fn registered(
+/// What was found of two images.
+struct Fit {
+    moving_from_fixed: DAffine3,
+    how: String,
+    consistency: Consistency,
+    warnings: Vec<String>,
+}
+
+impl Fit {
+    fn by(&self, moving_from_fixed: DAffine3) -> AlignedBy {
+        let mut by = AlignedBy::matrix(moving_from_fixed, self.how.clone());
+        if let AlignedBy::Matrix { consistency_mm, .. } = &mut by {
+            *consistency_mm = self.consistency.p95_with_floor_mm();
+        }
+        by
+    }
+
+    fn registered(self, alignments: Vec<Alignment>) -> Registered {
+        Registered { alignments, consistency: self.consistency, warnings: self.warnings }
+    }
+}
+
+/// Registers two images; `to`: what the fixed one is called in the words of how.
+fn fit(
     pair: [OfDate<'_>; 2],
+    to: &str,
     model: Model,
     progress: &Progress,
-) -> Result<Result<Registered, String>, Cancelled> {
+) -> Result<Result<Fit, String>, Cancelled> {
     let [fixed, moving] = pair.map(|(time, n)| &time.contexts[n]);
     let masks = pair.map(|(time, _)| time.masks.iter().map(|m| &m.mask).collect::<Vec<&Mask>>());
     let images = [
@@ -186,26 +278,19 @@ fn registered(
     ];
     let measure = if fixed.id == moving.id { Measure::Auto } else { Measure::AcrossModalities };
     let options = Options { model, measure, ..Options::default() };
-    let run = || -> Result<Registered, RegisterError> {
+    let run = || -> Result<Fit, RegisterError> {
         let outcome = register::register(&images[0], &images[1], &options, progress)?;
         let points_mm = surface_points_mm(&masks);
         let consistency =
             register::consistency(&images[0], &images[1], &options, &outcome, &points_mm, progress)?;
-        let time = pair[1].0.label.clone();
-        let how =
-            format!("registration of {} to {} ({})", moving.id, pair[0].0.label, words(model, &consistency));
-        let mut by = AlignedBy::matrix(outcome.moving_from_fixed, how);
-        if let AlignedBy::Matrix { consistency_mm, .. } = &mut by {
-            *consistency_mm = consistency.p95_with_floor_mm();
-        }
-        let alignment = Alignment { id: None, time: Some(time), by };
+        let how = format!("registration of {} to {to} ({})", moving.id, words(model, &consistency));
         let warnings = outcome.warnings.iter().map(ToString::to_string).collect();
-        Ok(Registered { alignment, consistency, warnings })
+        Ok(Fit { moving_from_fixed: outcome.moving_from_fixed, how, consistency, warnings })
     };
     match run() {
         Err(RegisterError::Cancelled(cancelled)) => Err(cancelled),
         Err(error) => Ok(Err(error.to_string())),
-        Ok(registered) => Ok(Ok(registered)),
+        Ok(fit) => Ok(Ok(fit)),
     }
 }
 

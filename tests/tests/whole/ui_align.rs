@@ -1,14 +1,20 @@
 //! Dates in one space in the window: moved by hand, by a file, by registration; side by side and over each other.
 
+use egui::Theme;
 use egui_kittest::kittest::Queryable;
 use glioscope::{
     command::{AppCommand, EditCommand, LookCommand},
-    model::{Fusion, PaneId, SecondImage, session},
+    model::{CaseRef, Fusion, PaneId, SecondImage, session},
 };
-use glioscope_core::{files::write_whole, glam::DVec3};
+use glioscope_core::{
+    Grid, Samples, Scaling, Volume,
+    files::{WriteOptions, write_nifti, write_whole},
+    glam::{DAffine3, DMat3, DVec3},
+};
 use glioscope_render::flat::{ColorMap, Mixing};
 use glioscope_tests::{
     Window, count_color, doc, error_text, maximized, pane_picture, perform, sample, wait_for_workers,
+    window_with, workstation,
 };
 
 const LATER: &str = "2024-04-15";
@@ -73,7 +79,7 @@ fn a_file_moves_a_date_and_one_that_does_not_is_told_and_taken_back() {
     // The fixed image's points lie 5 mm higher in the moving one, which is moved down.
     assert_eq!(moved_mm(&harness), Some(DVec3::new(0.0, 0.0, -5.0)));
     perform(&mut harness, AppCommand::ShowAlign);
-    harness.get_by_label("As its files lie").click_accesskit();
+    harness.get_by_label("Take back").click_accesskit();
     wait_for_workers(&mut harness);
     assert_eq!(moved_mm(&harness), None);
 }
@@ -159,5 +165,77 @@ fn slices_side_by_side_share_place_and_window_and_name_their_dates() {
     harness.event(egui::Event::PointerMoved(rect.center() + egui::vec2(rect.width() * 0.2, 0.0)));
     perform(&mut harness, LookCommand::SetTime(1));
     assert_eq!(doc(&harness).nav.time, 1);
+    assert_eq!(error_text(&harness), "");
+}
+
+/// An image of the same date that lies elsewhere is registered to the one shown, with the mask that was drawn on its grid; and what
+/// a reader says of it is kept.
+#[test]
+fn an_image_is_registered_within_its_date_and_a_reader_accepts_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let given = sample();
+    let case = given.state().work.world.case().unwrap().clone();
+    let center_mm = doc(&given).edit.lens.center_mm;
+    let time = &case.time_points[0];
+    let image = |id: &str| time.contexts.iter().find(|c| c.id == id).unwrap().volume.clone();
+    let (t1c, pet) = (image("T1c"), image("PET"));
+    // Truth: where the files of PET are put.
+    let turn = DMat3::from_axis_angle(DVec3::new(0.2, 0.3, 1.0).try_normalize().unwrap(), 4_f64.to_radians());
+    let shift = DAffine3 { matrix3: turn, translation: DVec3::new(6.0, -4.0, 5.0) };
+    let moved =
+        Grid::new(pet.grid().dims(), shift * pet.grid().world_from_voxel(), pet.grid().sides()).unwrap();
+    let write =
+        |name: &str, volume: &Volume| write_nifti(&at(name), volume, &WriteOptions::default()).unwrap();
+    write("t1c.nii", &t1c);
+    write("pet.nii", &Volume::new(moved.clone(), pet.samples().clone(), pet.scaling()).unwrap());
+    let ball = |grid: &Grid, inside: &dyn Fn([usize; 3]) -> bool| {
+        let values = (0..grid.voxel_count()).map(|l| u8::from(inside(grid.ijk(l)))).collect();
+        Volume::new(grid.clone(), Samples::U8(values), Scaling::NONE).unwrap()
+    };
+    let near = |grid: &Grid, ijk: [usize; 3]| grid.center_of_voxel_mm(ijk).distance(center_mm) < 12.0;
+    write("pet-mask.nii", &ball(&moved, &|ijk| near(pet.grid(), ijk)));
+    write("t1-mask.nii", &ball(t1c.grid(), &|ijk| near(t1c.grid(), ijk)));
+    drop(given);
+
+    let file = |id: &str, name: &str| format!("{id}={}", at(name).display());
+    let case = CaseRef::Arguments {
+        masks: vec![file("T1", "t1-mask.nii"), file("PETseg", "pet-mask.nii")],
+        contexts: vec![file("T1c", "t1c.nii"), file("PET", "pet.nii")],
+    };
+    let mut harness = window_with(workstation(case), [1280.0, 800.0], Theme::Dark);
+    harness.run_ok();
+    perform(&mut harness, LookCommand::SetContext(Some("T1c".into())));
+    perform(&mut harness, AppCommand::ShowAlign);
+    harness.get_by_label("Register images").click_accesskit();
+    harness.run_ok();
+    let started = std::time::Instant::now();
+    while doc(&harness).edit.alignments.is_empty() && started.elapsed().as_secs() < 200 {
+        std::thread::sleep(std::time::Duration::from_millis(50));
+        harness.run_ok();
+    }
+    wait_for_workers(&mut harness);
+    let aligned = |harness: &Window| harness.state().work.world.case().unwrap().aligned.clone();
+    let moved: Vec<(String, bool)> = aligned(&harness).into_iter().map(|a| (a.id, a.is_mask)).collect();
+    assert_eq!(moved, [("PET".into(), false), ("PETseg".into(), true)]);
+    for one in aligned(&harness) {
+        let off_mm =
+            one.case_from_own.transform_point3(shift.transform_point3(center_mm)).distance(center_mm);
+        // Voxels of 3 mm.
+        assert!(off_mm < 0.5 && one.accepted.is_none(), "{off_mm}");
+    }
+    assert!(harness.query_by_label_contains("no reader has accepted it").is_some());
+    // Both on the slices, divided by a line.
+    harness.get_by_label("Look").click_accesskit();
+    harness.run_ok();
+    let fusion = doc(&harness).edit.fusion.clone();
+    assert_eq!((fusion.second.unwrap().id.as_str(), fusion.mixing), ("PET", Mixing::Swipe));
+    harness.get_by_label("Accept").click_accesskit();
+    wait_for_workers(&mut harness);
+    let day = aligned(&harness)[1].accepted.clone().unwrap();
+    assert!(harness.query_by_label_contains(&format!("(accepted {day})")).is_some(), "{day}");
+    harness.get_by_label("Take back").click_accesskit();
+    wait_for_workers(&mut harness);
+    assert_eq!(aligned(&harness), []);
     assert_eq!(error_text(&harness), "");
 }

@@ -65,6 +65,8 @@ volumes-plot = Volumen jeder Maske über die Zeitpunkte, in Milliliter.
 date = Zeitpunkt
 aligned-images = Durch Registrierung verschoben
 consistency = Konsistenz { $mm }
+alignment-accepted = von einem Befunder angenommen, { $date }
+alignment-not-accepted = von keinem Befunder angenommen
 
 section-pictures = Bilder
 picture-closeup = Nahansicht der Masken. Im Ring der Linse sind die Masken aufgeschnitten; schraffiert ist der Schnitt.

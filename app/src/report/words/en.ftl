@@ -65,6 +65,8 @@ volumes-plot = Volume of each mask over the dates, in millilitres.
 date = Date
 aligned-images = Moved by registration
 consistency = consistency { $mm }
+alignment-accepted = accepted by a reader, { $date }
+alignment-not-accepted = no reader has accepted it
 
 section-pictures = Pictures
 picture-closeup = Closeup of the masks. Inside the ring of the lens the masks are cut open; the hatched part is the cut.

@@ -34,6 +34,7 @@
 //! [`ellipsoid::ellipsoids_of`], [`change::change`] (two dates), [`files::write_nifti`].
 
 pub mod array;
+pub mod axes;
 pub mod case;
 pub mod change;
 pub mod check;
@@ -43,6 +44,7 @@ pub mod dates;
 pub mod decimal;
 pub mod digest;
 pub mod distance;
+mod eigen;
 pub mod ellipsoid;
 pub mod export;
 pub mod files;

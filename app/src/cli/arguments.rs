@@ -26,7 +26,11 @@ use super::{
     tracts::TractArguments,
     transform::TransformArguments,
 };
-use crate::{model::CHANGE_SCALE_MM, report::Identity, words::Language};
+use crate::{
+    model::{CHANGE_SCALE_MM, slice_axes::AxesOf},
+    report::Identity,
+    words::Language,
+};
 
 /// Compares tumour segmentations. Without a subcommand it opens the window.
 #[derive(Debug, Parser)]
@@ -274,6 +278,9 @@ pub struct RenderArguments {
     /// Patient's left on the left.
     #[arg(long)]
     pub neurological: bool,
+    /// Along whose axes slices lie: the patient's, those of the image's scan, or the principal axes of the masks shown.
+    #[arg(long, value_enum, value_name = "AXES")]
+    pub slice_axes: Option<AxesOf>,
     /// How masks are drawn on slices.
     #[arg(long, value_parser = keyword::<Overlay>())]
     pub overlay: Option<Overlay>,

@@ -85,6 +85,10 @@ fn apply(arguments: &RenderArguments, work: &mut Workstation) -> Result<(), AppE
         }
         doc.edit.fusion = fusion;
     }
+    if let Some(of) = arguments.slice_axes {
+        let found = || AppError::wrong("--slice-axes", "no axes", "an image, or a mask that is shown");
+        doc.nav.slice_axes = world.slice_axes(doc, of).ok_or_else(found)?;
+    }
     let Document { edit, nav, .. } = doc;
     if arguments.neurological {
         nav.convention = Convention::Neurological;

@@ -53,6 +53,7 @@ pub(super) fn without_effect(arguments: &RenderArguments) -> Vec<&'static str> {
         ("--to", a.to.is_some(), compared),
         ("--changed-rim", a.changed_rim, slices),
         ("--neurological", a.neurological, slices),
+        ("--slice-axes", a.slice_axes.is_some(), slices),
         ("--second", a.second.is_some(), slices),
         ("--overlay", a.overlay.is_some(), slices),
         ("--outline-patterns", a.outline_patterns, slices),

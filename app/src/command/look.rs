@@ -8,7 +8,7 @@ use strum::{EnumDiscriminants, EnumIter, VariantArray};
 
 use super::{Entry, Label, Listed, Menu};
 use crate::{
-    model::{Document, PaneId, Tool},
+    model::{Document, PaneId, Tool, slice_axes::AxesOf},
     world::World,
 };
 
@@ -38,6 +38,7 @@ pub enum LookCommand {
     SetContext(Option<String>),
     NextContext,
     SetConvention(Convention),
+    SetSliceAxes(AxesOf),
     SetSliceZoom(Option<f64>),
     SetPan(Plane, DVec2),
     ResetSlices,
@@ -78,6 +79,10 @@ impl LookCommand {
             LookKind::SetConvention => Convention::VARIANTS
                 .iter()
                 .map(|convention| listed(Self::SetConvention(*convention)).menu(Menu::Slices, 0))
+                .collect(),
+            LookKind::SetSliceAxes => AxesOf::VARIANTS
+                .iter()
+                .map(|of| listed(Self::SetSliceAxes(*of)).menu(Menu::Slices, 1))
                 .collect(),
             LookKind::ResetSlices => vec![listed(Self::ResetSlices).key(Key::R).menu(Menu::Slices, 2)],
             LookKind::SetCamera
@@ -124,6 +129,7 @@ impl LookCommand {
                 Convention::Radiological => "Radiological: patient's left on the right",
                 Convention::Neurological => "Neurological: patient's left on the left",
             }),
+            Self::SetSliceAxes(of) => Label::new(of.name()),
             Self::SetSliceZoom(_) => Label::new("Zoom the slices"),
             Self::SetPan(..) => Label::new("Move the slice"),
             Self::ResetSlices => Label::new("Fit the slices"),
@@ -137,6 +143,7 @@ impl LookCommand {
             Self::ToggleRuler => Entry::Switch(doc.nav.ruler_on),
             Self::SetTool(tool) => Entry::Choice(doc.nav.ruler_on && doc.nav.tool == *tool),
             Self::SetConvention(convention) => Entry::Choice(doc.nav.convention == *convention),
+            Self::SetSliceAxes(of) => Entry::Choice(doc.nav.slice_axes.of == *of),
             _ => Entry::Plain,
         }
     }
@@ -204,6 +211,13 @@ impl LookCommand {
                 nav.context = ids.get(next).or(ids.first()).map(|id| (*id).clone());
             }
             Self::SetConvention(convention) => nav.convention = *convention,
+            Self::SetSliceAxes(of) => {
+                if let Some(axes) = world.slice_axes(doc, *of) {
+                    doc.nav.slice_axes = axes;
+                    // Along other axes.
+                    doc.nav.pan_mm = [DVec2::ZERO; 3];
+                }
+            }
             Self::SetSliceZoom(mm_per_point) => {
                 nav.mm_per_point = mm_per_point.filter(|z| z.is_finite()).map(|z| z.clamp(1e-3, 1e3));
             }
@@ -244,7 +258,8 @@ pub(super) fn center_on(doc: &mut Document, world: &World, place_mm: DVec3) {
         (None, None) => return,
     };
     for plane in Plane::ALL {
-        let fitted = SliceView::fit(plane, doc.nav.convention, bounds_mm, place_mm, [1, 1]);
+        let orientation = (doc.nav.convention, doc.nav.slice_axes.turn);
+        let fitted = SliceView::fit_turned(plane, orientation, bounds_mm, place_mm, [1, 1]);
         let offset_mm = place_mm - fitted.center_mm;
         doc.nav.pan_mm[plane as usize] =
             DVec2::new(offset_mm.dot(fitted.right()), offset_mm.dot(fitted.down()));

@@ -38,6 +38,7 @@ use super::{
     response::ResponseSetting,
     rulers::Ruler,
     shape::Tool,
+    slice_axes::SliceAxes,
 };
 
 /// The most views kept for a report.
@@ -243,6 +244,9 @@ pub struct Navigation {
     pub mm_per_point: Option<f64>,
     /// Offset of each slice view's centre from the image's centre, in-plane millimetres (right, down).
     pub pan_mm: [DVec2; 3],
+    /// Along which axes slices lie.
+    #[serde(default)]
+    pub slice_axes: SliceAxes,
     /// Whether hovering over a view shows the crosshair under the pointer.
     pub follow_pointer: bool,
     /// Magnification of each 3D view whose orientation follows the closeup's; absent entries are 1, which fits.
@@ -410,6 +414,7 @@ impl Document {
                 convention: Convention::Radiological,
                 mm_per_point: None,
                 pan_mm: [DVec2::ZERO; 3],
+                slice_axes: SliceAxes::default(),
                 follow_pointer: true,
                 zooms: BTreeMap::new(),
                 show_plane: false,

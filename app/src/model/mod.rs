@@ -28,6 +28,7 @@ mod session_limits;
 mod session_names;
 mod session_old;
 mod shape;
+pub mod slice_axes;
 pub mod transfer_file;
 
 pub use accepted::{Answer, Answers};

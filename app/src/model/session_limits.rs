@@ -3,7 +3,7 @@
 use std::{collections::BTreeSet, fmt::Display, ops::RangeInclusive};
 
 use egui_tiles::{Container, Tile, TileId, Tree};
-use glam::{DVec2, DVec3};
+use glam::{DMat3, DVec2, DVec3};
 use glioscope_core::{Connectivity, dates::iso_date, lesions};
 use glioscope_render::{LightSettings, image::MOST_CLIP_PLANES};
 use serde_json::Value;
@@ -259,6 +259,12 @@ fn check_navigation(nav: &Navigation) -> Checked {
     place("cursor_mm", nav.cursor_mm)?;
     if let Some(mm_per_point) = nav.mm_per_point {
         number("mm_per_point", mm_per_point, &(1e-3..=1e3))?;
+    }
+    let turn = nav.slice_axes.turn;
+    let is_rotation =
+        (turn.transpose() * turn).abs_diff_eq(DMat3::IDENTITY, 1e-6) && turn.determinant() > 0.0;
+    if !is_rotation {
+        return fault("slice_axes turn", "another matrix", "a rotation");
     }
     nav.pan_mm.iter().try_for_each(|pan_mm: &DVec2| numbers("pan_mm", pan_mm.to_array(), &PLACE_MM))?;
     nav.zooms.values().try_for_each(|zoom| number("zooms", *zoom, &(1e-3..=1e4)))

@@ -3,7 +3,7 @@
 use glioscope_core::{
     Grid, Mask, Volume,
     case::TimePoint,
-    glam::{DVec2, DVec3},
+    glam::{DMat3, DVec2, DVec3},
 };
 use glioscope_render::flat::{Convention, Plane, SliceView};
 use image::{
@@ -37,6 +37,7 @@ pub type Box3 = (DVec3, DVec3);
 /// Directions to the right and down in the picture, world axes: the patient's left is at the right.
 fn axes(plane: Plane) -> [DVec3; 2] {
     let view = SliceView {
+        turn: DMat3::IDENTITY,
         plane,
         center_mm: DVec3::ZERO,
         mm_per_pixel: 1.0,

@@ -19,8 +19,9 @@ pub mod tracts;
 
 use std::sync::Arc;
 
+use glam::DMat3;
 use glioscope_core::{
-    Check, RegionVolume, Selection,
+    Check, RegionVolume, Selection, axes,
     case::{Case, TimePoint},
     files::FileMark,
 };
@@ -33,6 +34,7 @@ use crate::model::{
     Document,
     fusion::is_pet,
     made::{self, MadeMask},
+    slice_axes::{AxesOf, SliceAxes},
 };
 
 /// A case and the data that every view needs of it, derived once per load. Clones share all of it.
@@ -148,6 +150,20 @@ impl World {
         let index = time_point.contexts.iter().position(|c| c.id == *id)?;
         let prepared = self.loaded.as_ref()?.contexts.get(doc.nav.time)?.get(index)?;
         Some((time_point.contexts[index].id.as_str(), prepared))
+    }
+
+    /// The axes of `of`, as they are now; `None` where nothing is shown, or there is no image.
+    pub fn slice_axes(&self, doc: &Document, of: AxesOf) -> Option<SliceAxes> {
+        let turn = match of {
+            AxesOf::Patient => DMat3::IDENTITY,
+            AxesOf::Image => {
+                let (id, shown) = self.context(doc)?;
+                let first = self.case()?.time_points.first()?.contexts.iter().find(|image| image.id == id);
+                axes::of_grid(first.map_or(shown.volume().grid(), |image| image.volume.grid()))
+            }
+            AxesOf::Tumor => axes::of_selection(&self.time_point(doc)?.index, &self.selection(doc))?,
+        };
+        Some(SliceAxes { of, turn })
     }
 
     /// The second image that the slices show; `None` where none is chosen, where the case lacks it, and where it is the

@@ -6,11 +6,11 @@ use glam::DVec3;
 
 use super::{
     PointKind, SkeletonCounts,
-    critical::{CriticalPoint, Kind, symmetric_eigen},
+    critical::{CriticalPoint, Kind},
     filled_mask::FilledMask,
     force::{ChargeList, Charges, ForceSample, PowerLaw},
 };
-use crate::{Cancelled, Progress};
+use crate::{Cancelled, Progress, eigen::symmetric_eigen};
 
 /// Length of a step in units: a fifth of the finest spacing.
 const STEP: f64 = 0.2;

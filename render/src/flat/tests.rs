@@ -105,6 +105,7 @@ fn slices_of_a_linear_image_are_exact_on_every_grid() {
             for convention in [Convention::Radiological, Convention::Neurological] {
                 let off = DVec3::new(1.3, -0.7, 0.9);
                 let view = SliceView {
+                    turn: DMat3::IDENTITY,
                     plane,
                     center_mm: middle + off,
                     mm_per_pixel: 0.7312,
@@ -149,6 +150,7 @@ fn the_filled_area_equals_the_mask_s_cross_section() {
     let colors = MaskColors::new(Palette::Thesis, &[None]);
     for plane in Plane::ALL {
         let view = SliceView {
+            turn: DMat3::IDENTITY,
             plane,
             center_mm: DVec3::new(1.1, 6.1, 13.1),
             mm_per_pixel: 0.25,
@@ -176,6 +178,7 @@ fn masks_on_difficult_grids_are_at_their_world_position() {
         let selection = Selection::all();
         for plane in Plane::ALL {
             let view = SliceView {
+                turn: DMat3::IDENTITY,
                 plane,
                 center_mm: middle + DVec3::new(0.37, 0.23, -0.41),
                 mm_per_pixel: 0.6137,
@@ -246,8 +249,14 @@ fn all_48_axis_orders_give_the_same_bytes() {
             for plane in Plane::ALL {
                 for convention in [Convention::Radiological, Convention::Neurological] {
                     let center_mm = DVec3::new(0.4, -0.3, 15.0);
-                    let view =
-                        SliceView { plane, center_mm, mm_per_pixel: 0.31, size_px: [80, 70], convention };
+                    let view = SliceView {
+                        turn: DMat3::IDENTITY,
+                        plane,
+                        center_mm,
+                        mm_per_pixel: 0.31,
+                        size_px: [80, 70],
+                        convention,
+                    };
                     let context =
                         Some(ContextLayer { image: &image, window: image.histogram().initial_window() });
                     let masks =
@@ -317,6 +326,7 @@ fn non_finite_voxels_have_their_own_colour_and_do_not_spread() {
     ));
     assert_eq!(image.histogram().not_finite(), 2);
     let view = SliceView {
+        turn: DMat3::IDENTITY,
         plane: Plane::Axial,
         center_mm: DVec3::new(4.0, 4.0, 1.2),
         mm_per_pixel: 0.1,
@@ -345,6 +355,7 @@ fn hidden_regions_are_neither_filled_nor_outlined() {
     let mut selection = Selection::all();
     selection.set(0b11, false);
     let view = SliceView {
+        turn: DMat3::IDENTITY,
         plane: Plane::Axial,
         center_mm: DVec3::new(14.5, 14.5, 1.0),
         mm_per_pixel: 1.0,
@@ -392,6 +403,7 @@ fn views_without_an_image_are_empty_or_background() {
     let image =
         PreparedContext::new(Arc::new(Volume::new(grid, Samples::U8(vec![9]), Scaling::NONE).unwrap()));
     let mut view = SliceView {
+        turn: DMat3::IDENTITY,
         plane: Plane::Axial,
         center_mm: DVec3::ZERO,
         mm_per_pixel: 1.0,

@@ -1,7 +1,7 @@
 //! The anatomical plane that a slice shows, and its orientation on the screen.
 
-use glam::{DVec2, DVec3};
-use glioscope_core::Grid;
+use glam::{DMat3, DVec2, DVec3};
+use glioscope_core::{Grid, axes};
 
 use crate::scene::{Lens, keywords::keywords};
 
@@ -79,8 +79,10 @@ keywords! {
 /// [`Camera::ray`](glioscope_core::optics::Camera::ray).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SliceView {
-    /// Which plane.
+    /// Which plane; with a turn, which of the turned ones.
     pub plane: Plane,
+    /// The rotation that takes the patient's axes R, A and S to those along which slices lie: identity for planes of the patient.
+    pub turn: DMat3,
     /// The point of the plane at the centre of the slice, world millimetres.
     pub center_mm: DVec3,
     /// Pixel size. Positive.
@@ -111,9 +113,24 @@ impl SliceView {
         through_mm: DVec3,
         size_px: [u32; 2],
     ) -> Self {
-        let mut center_mm = ((bounds_mm.0 + bounds_mm.1) * 500.0).round() / 1000.0;
-        center_mm[plane.axis()] = through_mm[plane.axis()];
-        let mut view = Self { plane, center_mm, mm_per_pixel: 1.0, size_px, convention };
+        Self::fit_turned(plane, (convention, DMat3::IDENTITY), bounds_mm, through_mm, size_px)
+    }
+
+    /// As [`SliceView::fit`], turned by a rotation.
+    pub fn fit_turned(
+        plane: Plane,
+        (convention, turn): (Convention, DMat3),
+        bounds_mm: (DVec3, DVec3),
+        through_mm: DVec3,
+        size_px: [u32; 2],
+    ) -> Self {
+        let center_mm = ((bounds_mm.0 + bounds_mm.1) * 500.0).round() / 1000.0;
+        let mut view = Self { plane, turn, center_mm, mm_per_pixel: 1.0, size_px, convention };
+        if view.is_turned() {
+            view.center_mm += view.normal() * view.distance_mm(through_mm);
+        } else {
+            view.center_mm[plane.axis()] = through_mm[plane.axis()];
+        }
         let extent = bounds_mm.1 - bounds_mm.0;
         let needed = [view.right(), view.down()]
             .map(|axis| axis.abs().dot(extent))
@@ -126,8 +143,40 @@ impl SliceView {
         view
     }
 
+    /// Whether its plane is none of the patient's.
+    pub fn is_turned(&self) -> bool {
+        self.turn != DMat3::IDENTITY
+    }
+
+    /// Unit normal in world space: superior, anterior or right, turned.
+    pub fn normal(&self) -> DVec3 {
+        self.turn * self.plane.normal()
+    }
+
+    /// Distance between neighbouring slices along the normal, as [`Plane::step_mm`]; turned, that of the voxel axis nearest the
+    /// normal.
+    pub fn step_mm(&self, grid: &Grid) -> f64 {
+        if !self.is_turned() {
+            return self.plane.step_mm(grid);
+        }
+        let m = grid.world_from_voxel().matrix3;
+        let normal = self.normal();
+        let along = |column: DVec3| (column.dot(normal).abs() / column.length(), column.dot(normal).abs());
+        let all = [m.x_axis, m.y_axis, m.z_axis].map(along);
+        all.into_iter().fold((0.0, 1.0), |best, one| if one.0 > best.0 { one } else { best }).1
+    }
+
     /// World direction to the right; unit length.
     pub fn right(&self) -> DVec3 {
+        self.turn * self.patient_right()
+    }
+
+    /// World direction downwards; unit length.
+    pub fn down(&self) -> DVec3 {
+        self.turn * self.patient_down()
+    }
+
+    fn patient_right(&self) -> DVec3 {
         match (self.plane, self.convention) {
             (Plane::Sagittal, _) => DVec3::NEG_Y,
             (_, Convention::Radiological) => DVec3::NEG_X,
@@ -135,8 +184,7 @@ impl SliceView {
         }
     }
 
-    /// World direction downwards; unit length.
-    pub fn down(&self) -> DVec3 {
+    fn patient_down(&self) -> DVec3 {
         match self.plane {
             Plane::Axial => DVec3::NEG_Y,
             Plane::Coronal | Plane::Sagittal => DVec3::NEG_Z,
@@ -159,21 +207,44 @@ impl SliceView {
     /// Signed distance of a world point from the plane: positive on the superior, anterior or right
     /// side.
     pub fn distance_mm(&self, world_mm: DVec3) -> f64 {
-        (world_mm - self.center_mm)[self.plane.axis()]
+        (world_mm - self.center_mm).dot(self.normal())
     }
 
     /// Anatomical letters of the left, right, top and bottom edges. Don't show them where
     /// the image's [`Sides`](glioscope_core::Sides) are unknown.
     pub fn letters(&self) -> [char; 4] {
         let letter = |towards: DVec3| {
-            let axis = towards.abs().to_array().iter().position(|&c| c > 0.5).unwrap_or(0);
-            [['L', 'R'], ['P', 'A'], ['I', 'S']][axis][usize::from(towards[axis] > 0.0)]
+            let a = towards.abs();
+            let axis = (1..3).fold(0, |best, axis| if a[axis] > a[best] { axis } else { best });
+            letter_towards(axis, towards)
         };
-        [-self.right(), self.right(), -self.down(), self.down()].map(letter)
+        self.edges().map(letter)
     }
 
-    /// Position of the plane: `S 12.5 mm`. `+12.5 mm` where the sides are unknown.
+    /// The same with a second letter where an edge lies between two sides: its direction is more than 22.5 degrees off the first.
+    pub fn edge_names(&self) -> [String; 4] {
+        let name = |towards: DVec3| {
+            let a = towards.abs();
+            let mut axes = [0, 1, 2];
+            axes.sort_by(|&one, &other| a[other].total_cmp(&a[one]));
+            let shown = axes
+                .into_iter()
+                .enumerate()
+                .filter(|&(rank, axis)| rank == 0 || (rank == 1 && a[axis] > SECOND_LETTER));
+            shown.map(|(_, axis)| letter_towards(axis, towards)).collect()
+        };
+        self.edges().map(name)
+    }
+
+    fn edges(&self) -> [DVec3; 4] {
+        [-self.right(), self.right(), -self.down(), self.down()]
+    }
+
+    /// Position of the plane: `S 12.5 mm`. `+12.5 mm` where the sides are unknown. Turned: by how much.
     pub fn position_label(&self, sides_known: bool) -> String {
+        if self.is_turned() {
+            return format!("turned {:.0}\u{b0}", axes::turn_deg(self.turn));
+        }
         let at = self.center_mm[self.plane.axis()];
         if sides_known { signed_letter(self.plane.axis(), at) } else { format!("{at:+.1} mm") }
     }
@@ -203,6 +274,13 @@ impl SliceView {
     }
 }
 
+/// The sine of 22.5 degrees.
+const SECOND_LETTER: f64 = 0.382_683_432_365_089_8;
+
+fn letter_towards(axis: usize, towards: DVec3) -> char {
+    [['L', 'R'], ['P', 'A'], ['I', 'S']][axis][usize::from(towards[axis] > 0.0)]
+}
+
 /// `R 12.5 mm` for +12.5 on world axis 0, `L 12.5 mm` for −12.5.
 fn signed_letter(axis: usize, mm: f64) -> String {
     let letters = [['L', 'R'], ['P', 'A'], ['I', 'S']][axis];
@@ -229,7 +307,14 @@ mod tests {
 
     fn view(plane: Plane, convention: Convention) -> SliceView {
         let center_mm = DVec3::new(1e6, -20.0, 30.0);
-        SliceView { plane, center_mm, mm_per_pixel: 0.5, size_px: [400, 300], convention }
+        SliceView {
+            plane,
+            turn: DMat3::IDENTITY,
+            center_mm,
+            mm_per_pixel: 0.5,
+            size_px: [400, 300],
+            convention,
+        }
     }
 
     #[test]
@@ -338,5 +423,46 @@ mod tests {
         assert_eq!(place_label(DVec3::new(-3.0, 12.54, 0.0), false), "x -3.0  y 12.5  z 0.0 mm");
         assert_eq!(view(Plane::Coronal, Convention::Radiological).position_label(true), "P 20.0 mm");
         assert_eq!(view(Plane::Axial, Convention::Radiological).position_label(false), "+30.0 mm");
+    }
+
+    #[test]
+    fn a_turned_view_has_its_own_plane_and_names_its_edges() {
+        let turn = DMat3::from_axis_angle(DVec3::X, 30_f64.to_radians());
+        let bounds_mm = (DVec3::splat(-50.0), DVec3::splat(50.0));
+        let through_mm = DVec3::new(3.0, -7.0, 11.0);
+        for plane in Plane::ALL {
+            let v = SliceView::fit_turned(
+                plane,
+                (Convention::Radiological, turn),
+                bounds_mm,
+                through_mm,
+                [300, 200],
+            );
+            assert!(v.distance_mm(through_mm).abs() < 1e-12, "{plane:?}");
+            assert!(v.right().dot(v.normal()).abs() < 1e-12 && v.right().dot(v.down()).abs() < 1e-12);
+            let pixel = v.pixel_of(through_mm);
+            assert!(v.world_at(pixel).distance(through_mm) < 1e-9);
+            // All of the box is in the picture.
+            for corner in 0..8 {
+                let at =
+                    DVec3::from_array([0, 1, 2].map(|k| if corner >> k & 1 == 1 { 50.0 } else { -50.0 }));
+                let pixel = v.pixel_of(at);
+                assert!(pixel.cmpge(DVec2::ZERO).all() && pixel.cmple(DVec2::new(300.0, 200.0)).all());
+            }
+        }
+        // Turned about R by 30 degrees: anterior goes up.
+        let v = SliceView::fit_turned(
+            Plane::Axial,
+            (Convention::Radiological, turn),
+            bounds_mm,
+            through_mm,
+            [300, 200],
+        );
+        assert_eq!(v.edge_names(), ["R", "L", "AS", "PI"]);
+        assert_eq!(v.position_label(true), "turned 30\u{b0}");
+        let less = DMat3::from_axis_angle(DVec3::X, 20_f64.to_radians());
+        assert_eq!(SliceView { turn: less, ..v }.edge_names(), ["R", "L", "A", "P"]);
+        let grid = Grid::axis_aligned([10; 3], DVec3::new(1.0, 1.0, 4.0), DVec3::ZERO).unwrap();
+        assert!((v.step_mm(&grid) - 4.0 * 30_f64.to_radians().cos()).abs() < 1e-12);
     }
 }

@@ -4,10 +4,14 @@ use egui::{Theme, vec2};
 use egui_kittest::{Harness, kittest::Queryable};
 use glioscope::{
     command::{AppCommand, EditCommand, LookCommand, Workstation},
-    model::{CaseRef, EllipsoidKind, EllipsoidLook, EllipsoidOpacity, PaneId, layout::Task, session},
+    model::{
+        CaseRef, EllipsoidKind, EllipsoidLook, EllipsoidOpacity, PaneId, layout::Task, session,
+        slice_axes::AxesOf,
+    },
     views::ellipsoids::EllipsoidPane,
     window::GlioscopeApp,
 };
+use glioscope_core::{axes, glam::DVec3};
 use glioscope_render::{ClipPlane, TransferPreset};
 use glioscope_tests::{
     Window, doc, issue, maximized, pane_picture, perform, screens, wait_for_workers, window_on, window_with,
@@ -381,4 +385,40 @@ fn a_reader_keeps_a_layout_by_name_and_takes_it_again() {
     harness.get_by_label("Forget the layout Tumour board").click();
     harness.run_ok();
     assert!(harness.query_by_label("Tumour board").is_none());
+}
+
+/// Slices along the tumour's own axes: planes turn about the crosshair, scrolling goes along their normal, and the patient's planes
+/// come back.
+#[test]
+fn slices_turn_to_the_tumours_axes_and_back() {
+    let mut harness = sample();
+    let rect = maximized(&mut harness, PaneId::Axial);
+    let plain = pane_picture(&mut harness, PaneId::Axial);
+    perform(&mut harness, LookCommand::SetSliceAxes(AxesOf::Tumor));
+    let turn = doc(&harness).nav.slice_axes.turn;
+    let deg = axes::turn_deg(turn);
+    assert!(deg > 2.0 && deg < 63.0, "{deg}");
+    assert!(harness.query_by_label_contains(&format!("slice turned {deg:.0}°")).is_some());
+    let turned = pane_picture(&mut harness, PaneId::Axial);
+    assert_ne!(plain, turned);
+    // The thing under the crosshair stays: the image's value there is that of either picture's middle.
+    let place_mm = doc(&harness).nav.crosshair_mm();
+    harness.event(egui::Event::PointerMoved(rect.center() + egui::vec2(rect.width() * 0.3, 0.0)));
+    harness.run_ok();
+    let hovered_mm = doc(&harness).nav.crosshair_mm();
+    let normal = turn * DVec3::Z;
+    assert!((hovered_mm - place_mm).dot(normal).abs() < 1e-6, "in the turned plane");
+    assert!((hovered_mm - place_mm).z.abs() > 0.5, "which isn't the axial one");
+    harness.key_press(egui::Key::PageUp);
+    harness.run_ok();
+    let moved_mm = doc(&harness).nav.crosshair_mm() - hovered_mm;
+    assert!(
+        moved_mm.dot(normal) > 0.5 && moved_mm.reject_from_normalized(normal).length() < 1e-6,
+        "{moved_mm}"
+    );
+    perform(&mut harness, LookCommand::SetSliceAxes(AxesOf::Patient));
+    perform(&mut harness, LookCommand::SetCursor(place_mm));
+    harness.event(egui::Event::PointerGone);
+    harness.run_ok();
+    assert_eq!(pane_picture(&mut harness, PaneId::Axial), plain);
 }

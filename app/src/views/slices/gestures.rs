@@ -1,10 +1,10 @@
 //! Mouse and keyboard input on a slice.
 
 use egui::{Event, Key, MouseWheelUnit, PointerButton, Pos2, Response, Ui};
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use glioscope_render::flat::Plane;
 
-use super::{Input, Layout};
+use super::{Input, Layout, shown_grid};
 use crate::{
     command::{Commands, EditCommand, LookCommand},
     model::PaneId,
@@ -166,13 +166,30 @@ fn stepped_mm(input: &Input<'_>, layout: &Layout, plane: Plane, slices: f64) -> 
 /// Goes to another slice of this plane; the crosshair stays where it is within it.
 fn step(input: &Input<'_>, layout: &Layout, slices: f64, out: &mut Commands) {
     let plane = layout.slice.plane;
+    if layout.slice.is_turned() {
+        let place_mm = turned_mm(input, layout, layout.slice.normal(), slices);
+        if place_mm != input.doc.nav.crosshair_mm() {
+            out.push(LookCommand::SetCursor(place_mm));
+        }
+        return;
+    }
     let along_mm = stepped_mm(input, layout, plane, slices);
     if along_mm != input.doc.nav.crosshair_mm()[plane.axis()] {
         out.push(LookCommand::SetSlice(plane, along_mm));
     }
 }
 
-/// Zooms about the pointer: the point under it stays fixed.
+/// The crosshair moved by so many steps along a direction, within what the image's corners reach along it.
+fn turned_mm(input: &Input<'_>, layout: &Layout, along: DVec3, steps: f64) -> DVec3 {
+    let grid = shown_grid(input);
+    let at_mm = input.doc.nav.crosshair_mm();
+    let reach = grid.corners_mm().map(|corner| (corner - at_mm).dot(along));
+    let (lo, hi) =
+        reach.into_iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)));
+    let step_mm = layout.slice.step_mm(grid);
+    if lo > hi { at_mm } else { at_mm + along * (steps * step_mm).clamp(lo, hi) }
+}
+
 fn zoom(ui: &Ui, input: &Input<'_>, layout: &Layout, response: &Response, out: &mut Commands) {
     let factor = f64::from(ui.input(egui::InputState::zoom_delta));
     let Some(pos) = response.hover_pos() else { return };
@@ -211,6 +228,12 @@ fn keys(ui: &Ui, input: &Input<'_>, layout: &Layout, response: &Response, out: &
         (layout.slice.down(), Key::ArrowDown, Key::ArrowUp),
     ] {
         let steps = presses(forwards) - presses(backwards);
+        if layout.slice.is_turned() {
+            if steps != 0.0 {
+                place_mm = turned_mm(input, layout, direction, steps);
+            }
+            continue;
+        }
         let along = |plane: &Plane| plane.normal().dot(direction) != 0.0;
         if let Some(plane) = Plane::ALL.into_iter().find(along).filter(|_| steps != 0.0) {
             let sign = plane.normal().dot(direction);

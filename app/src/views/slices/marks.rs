@@ -70,7 +70,7 @@ pub(super) fn draw(ui: &Ui, input: &Input<'_>, layout: &Layout, readout: &str, n
 
 /// Numbers of the measurements of the date that lie within half a slice thickness of the plane.
 pub(super) fn in_slice(input: &Input<'_>, layout: &Layout) -> Vec<usize> {
-    let half_mm = layout.slice.plane.step_mm(shown_grid(input)) / 2.0;
+    let half_mm = layout.slice.step_mm(shown_grid(input)) / 2.0;
     let is_near = |mm: &DVec3| layout.slice.distance_mm(*mm).abs() <= half_mm;
     let of_date = input.doc.rulers_at(input.time);
     of_date.filter(|(_, ruler)| ruler.handles_mm().iter().all(is_near)).map(|(index, _)| index).collect()
@@ -302,7 +302,7 @@ fn readout_line(painter: &Painter, layout: &Layout, readout: &str) -> f32 {
 
 fn letters(painter: &Painter, layout: &Layout, title_height: f32, readout_height: f32) {
     let rect = layout.rect;
-    let [left, right, top, bottom] = layout.slice.letters();
+    let [left, right, top, bottom] = layout.slice.edge_names();
     // Where the title reaches the middle, the top letter is below it.
     let top_y = rect.top() + title_height.max(MARGIN_POINTS - 3.0) + 1.0;
     let places = [
@@ -312,7 +312,7 @@ fn letters(painter: &Painter, layout: &Layout, title_height: f32, readout_height
         (bottom, pos2(rect.center().x, rect.bottom() - readout_height), Align2::CENTER_BOTTOM),
     ];
     for (letter, at, anchor) in places {
-        draw_text(painter, at, anchor, &letter.to_string(), HEADING_POINTS, ON_IMAGE);
+        draw_text(painter, at, anchor, &letter, HEADING_POINTS, ON_IMAGE);
     }
 }
 

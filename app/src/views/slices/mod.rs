@@ -60,7 +60,8 @@ impl Layout {
         let size_px = [size.x.round() as u32, size.y.round() as u32];
         let bounds_mm = input.fit_grid.unwrap_or_else(|| shown_grid(input)).bounds_mm();
         let nav = &input.doc.nav;
-        let mut slice = SliceView::fit(plane, nav.convention, bounds_mm, nav.crosshair_mm(), size_px);
+        let orientation = (nav.convention, nav.slice_axes.turn);
+        let mut slice = SliceView::fit_turned(plane, orientation, bounds_mm, nav.crosshair_mm(), size_px);
         if let Some(mm_per_point) = nav.mm_per_point {
             slice.mm_per_pixel = mm_per_point / f64::from(pixels_per_point);
         }
@@ -129,7 +130,7 @@ impl SlicePane {
         // A line belongs to the date shown.
         let is_shown_date = input.time == input.doc.nav.time;
         let here = marks::in_slice(input, &layout);
-        let (pos_of, normal) = (|mm| layout.pos_of(mm), plane.normal());
+        let (pos_of, normal) = (|mm| layout.pos_of(mm), layout.slice.normal());
         let holds = is_shown_date
             && ruler::drag_handles(
                 ui,

@@ -149,7 +149,7 @@ mod tests {
     #[test]
     fn nothing_shown_has_no_axes_and_a_voxel_those_of_the_patient() {
         assert_eq!(of_box(DMat3::IDENTITY, DVec3::splat(-1.0), DVec3::ONE), None);
-        let voxel = of_box(DMat3::IDENTITY, DVec3::splat(0.6), DVec3::new(1.0, 1.0, 12.0)).unwrap();
+        let voxel = of_box(DMat3::IDENTITY, DVec3::new(0.6, 0.6, 6.0), DVec3::new(1.0, 1.0, 12.0)).unwrap();
         assert!(turn_deg(voxel) < 1e-9);
     }
 

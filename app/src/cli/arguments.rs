@@ -275,6 +275,9 @@ pub struct RenderArguments {
     /// Opacity of the second image over the first, or where the line of a swipe is, 0 to 1.
     #[arg(long, value_name = "SHARE", value_parser = parse::within(0.0..=1.0), requires = "second", allow_hyphen_values = true)]
     pub mixing_share: Option<f64>,
+    /// The second image in the context view: the largest value along each ray, over everything.
+    #[arg(long, requires = "second")]
+    pub second_in_context: bool,
     /// Patient's left on the left.
     #[arg(long)]
     pub neurological: bool,

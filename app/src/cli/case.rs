@@ -4,10 +4,12 @@ use std::path::PathBuf;
 
 use clap::Args;
 use glioscope_core::{
-    Cancelled, Check, Progress,
-    case::{Alignment, Case, CaseGridChoice, CaseRegistration, LoadOptions, register_dates, register_images},
+    Check,
+    case::{
+        Alignment, CaseGridChoice, CaseRegistration, LoadOptions, RegisterCase, register_dates,
+        register_images,
+    },
     files::{DEFAULT_MAX_BYTES, format::volume_names},
-    register::Model,
 };
 
 use super::{register::ModelArgument, terminal};
@@ -152,7 +154,7 @@ fn registered(
     mut request: Request,
     option: &str,
     model: ModelArgument,
-    register: fn(&Case, Option<&str>, Model, &Progress) -> Result<Vec<CaseRegistration>, Cancelled>,
+    register: RegisterCase,
 ) -> Result<Request, AppError> {
     let read = terminal::with_progress(|progress| load::read_at_once(request.clone(), progress))?;
     let found = terminal::with_progress(|progress| register(&read.case, None, model.into(), progress))?;

@@ -83,6 +83,7 @@ fn apply(arguments: &RenderArguments, work: &mut Workstation) -> Result<(), AppE
         if let Some(share) = arguments.mixing_share {
             (fusion.opacity, fusion.share) = (share as f32, share as f32);
         }
+        fusion.in_context = arguments.second_in_context;
         doc.edit.fusion = fusion;
     }
     if let Some(of) = arguments.slice_axes {

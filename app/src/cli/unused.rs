@@ -54,7 +54,12 @@ pub(super) fn without_effect(arguments: &RenderArguments) -> Vec<&'static str> {
         ("--changed-rim", a.changed_rim, slices),
         ("--neurological", a.neurological, slices),
         ("--slice-axes", a.slice_axes.is_some(), slices),
-        ("--second", a.second.is_some(), slices),
+        (
+            "--second",
+            a.second.is_some(),
+            if a.second_in_context { &[Axial, Coronal, Sagittal, Context] } else { slices },
+        ),
+        ("--second-in-context", a.second_in_context, &[Context]),
         ("--overlay", a.overlay.is_some(), slices),
         ("--outline-patterns", a.outline_patterns, slices),
     ];

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use egui::{Key, Modifiers};
+use glam::DVec3;
 use glioscope_cohort::Verdict;
 use glioscope_core::files::format::volume_names;
 use strum::{EnumDiscriminants, EnumIter, VariantArray};
@@ -82,6 +83,7 @@ pub enum AppCommand {
     ShowMakeMask,
     ShowAlign,
     ChooseTransform(String),
+    ShiftDate(String, DVec3),
     AlignByFile(String, PathBuf),
     Explain,
     ShowAbout,
@@ -183,6 +185,7 @@ impl AppCommand {
             | AppKind::WriteReport
             | AppKind::WriteReportTo
             | AppKind::OpenWritten
+            | AppKind::ShiftDate
             | AppKind::SaveLayout
             | AppKind::ForgetLayout
             | AppKind::GoToRegion
@@ -311,6 +314,7 @@ impl AppCommand {
             Self::ShowAlign => Label::new("Align dates and images…")
                 .detail("By registration, by a transform of another program, or by hand"),
             Self::ChooseTransform(_) => Label::new("Choose a transform"),
+            Self::ShiftDate(..) => Label::new("Move the date by hand"),
             Self::AlignByFile(..) => Label::new("Move the date by a transform"),
             Self::Explain => Label::new("Explain to a patient")
                 .detail("Big words, the size in true size, the dates one after the other; no names"),
@@ -357,7 +361,7 @@ impl AppCommand {
             Self::ExportCohort | Self::ExportCohortTo(_) => work.cohort_in_front().is_some(),
             // The sample has no files.
             Self::ShowCaseFiles => work.doc.as_ref().is_some_and(|doc| doc.case != CaseRef::Sample),
-            Self::GoToGrowth | Self::ChooseTransform(_) | Self::AlignByFile(..) => {
+            Self::GoToGrowth | Self::ChooseTransform(_) | Self::AlignByFile(..) | Self::ShiftDate(..) => {
                 work.world.time_point_count() > 1
             }
             Self::ShowAlign => work.world.case().is_some_and(|case| {

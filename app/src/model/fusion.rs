@@ -30,6 +30,8 @@ pub struct Fusion {
     /// Values at or below it are transparent where it lies over the first one, in its own unit; `None`: 40 % of its window in
     /// colours, its low end in greys.
     pub threshold: Option<f64>,
+    /// Whether the context view shows it, too: the largest value along each ray.
+    pub in_context: bool,
 }
 
 impl Default for Fusion {
@@ -41,6 +43,7 @@ impl Default for Fusion {
             opacity: 0.5,
             share: 0.5,
             threshold: None,
+            in_context: false,
         }
     }
 }

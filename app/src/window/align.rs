@@ -4,9 +4,9 @@
 use egui::{ComboBox, Key, Modifiers, ProgressBar, Ui};
 use glam::{DAffine3, DMat3, DVec3};
 use glioscope_core::{
-    Cancelled, Progress,
     case::{
-        Aligned, AlignedBy, Alignment, Case, CaseRegistration, TimePoint, register_dates, register_images,
+        Aligned, AlignedBy, Alignment, CaseRegistration, RegisterCase, TimePoint, register_dates,
+        register_images,
     },
     register::Model,
     transform::Convention,
@@ -316,8 +316,6 @@ fn look(doc: &Document, work: &Workstation, first: &str, date: &str, out: &mut C
     out.push(EditCommand::SetFusion(Box::new(fusion)));
 }
 
-type Register = fn(&Case, Option<&str>, Model, &Progress) -> Result<Vec<CaseRegistration>, Cancelled>;
-
 fn register(ui: &mut Ui, align: &mut Align, work: &Workstation, (has_dates, has_images): (bool, bool)) {
     ui.horizontal_wrapped(|ui| {
         if let Some(job) = &align.job {
@@ -330,7 +328,7 @@ fn register(ui: &mut Ui, align: &mut Align, work: &Workstation, (has_dates, has_
             return;
         }
         let Some(case) = work.world.case() else { return };
-        let mut chosen: Option<Register> = None;
+        let mut chosen: Option<RegisterCase> = None;
         let text = "Each date that isn't moved yet, to the first one. The masks of both dates, grown by 5 mm, don't count";
         if has_dates && ui.button("Register").on_hover_text(text).clicked() {
             chosen = Some(register_dates);
@@ -438,14 +436,19 @@ fn by_hand(
                 DMat3::from_axis_angle(*axis, align.step.to_radians())
             };
             let translation = center_mm - turn * center_mm + *shift * align.step;
-            let moved = DAffine3 { matrix3: turn, translation } * case_from_date(work, doc, &shown);
-            let by = AlignedBy::matrix(moved.inverse(), BY_HAND);
-            let alignment = Alignment::of(None, Some(shown.clone()), by);
-            out.push(EditCommand::SetAlignments(with_date(doc, &shown, Some(alignment))));
+            let moves = DAffine3 { matrix3: turn, translation };
+            out.push(EditCommand::SetAlignments(moved_by_hand(work, doc, &shown, moves)));
         }
     });
-    ui.label("Right and left are the patient's. Alt with the arrow keys moves it as seen on the axial slice, with Page Up and Down up and down. Turns \
-         are about the lens.");
+    ui.label("Right and left are the patient's. Alt with the arrow keys moves it as seen on the axial slice, with Page Up and Down up and down; Alt and \
+         drag on a slice moves the date that it shows, or that of its second image. Turns are about the lens.");
+}
+
+/// The alignments of a document in which a date is moved on, from where it lies, by `moves` in the case's space.
+pub fn moved_by_hand(work: &Workstation, doc: &Document, date: &str, moves: DAffine3) -> Vec<Alignment> {
+    let moved = moves * case_from_date(work, doc, date);
+    let by = AlignedBy::matrix(moved.inverse(), BY_HAND);
+    with_date(doc, date, Some(Alignment::of(None, Some(date.to_owned()), by)))
 }
 
 /// Where a date's transform puts its space.

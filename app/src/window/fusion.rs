@@ -49,6 +49,9 @@ pub(super) fn bar(ui: &mut Ui, work: &Workstation, doc: &Document, out: &mut Com
     if let Some(second) = second {
         let threshold = changed.threshold_in(second.window);
         controls(ui, &mut changed, threshold);
+        let text =
+            "In the context view, too: the largest value along each ray, over everything, turning with it";
+        ui.checkbox(&mut changed.in_context, "in 3D").on_hover_text(text);
     }
     if let Some(second) = second.filter(|second| second.id != first) {
         ui.menu_button("Its window", |ui| {

@@ -31,6 +31,7 @@ use crate::{
     },
 };
 use egui::Context;
+use glam::DAffine3;
 use glioscope_core::{
     case::{CaseSpec, LoadOptions},
     files::{absolute, write_whole},
@@ -182,6 +183,13 @@ impl GlioscopeApp {
                 self.open.align.get_or_insert_default();
             }
             AppCommand::ChooseTransform(time) => self.open_file_dialog(ctx, Purpose::Transform(time.clone())),
+            AppCommand::ShiftDate(time, shift_mm) => {
+                if let Some(doc) = self.work.doc.as_ref().filter(|_| shift_mm.is_finite()) {
+                    let moves = DAffine3::from_translation(*shift_mm);
+                    let alignments = align::moved_by_hand(&self.work, doc, time, moves);
+                    self.work.apply(&EditCommand::SetAlignments(alignments).into(), Instant::now());
+                }
+            }
             AppCommand::AlignByFile(time, path) => {
                 let align = self.open.align.get_or_insert_default();
                 let alignment = align.by_file(time.clone(), absolute(path));

@@ -16,6 +16,7 @@ pub type NamedImage<'a> = (&'a str, &'a Arc<PreparedContext>);
 #[derive(Default)]
 pub struct ImageResult {
     volume: Derived<Handle<PreparedContext>, ContextVolume>,
+    second: Derived<Handle<PreparedContext>, ContextVolume>,
     gradients: Derived<Handle<PreparedContext>, GradientHistogram>,
     transfer: Option<Arc<TransferFunction>>,
 }
@@ -33,6 +34,15 @@ impl ImageResult {
             progress.say("preparing the image");
             Ok(ContextVolume::of_prepared(&prepared))
         }))
+    }
+
+    /// A second image as a volume.
+    pub fn second(&mut self, image: &Arc<PreparedContext>, ask: &Ask) -> Lookup<'_, ContextVolume> {
+        let prepared = image.clone();
+        self.second.get(Handle::of(image), ask, move |progress| {
+            progress.say("preparing the second image");
+            Ok(ContextVolume::of_prepared(&prepared))
+        })
     }
 
     /// Its voxel counts by value and gradient magnitude.
@@ -66,7 +76,7 @@ impl ImageResult {
 
     /// Whether a worker is preparing it.
     pub fn working(&mut self) -> bool {
-        self.volume.working()
+        self.volume.working() || self.second.working()
     }
 }
 

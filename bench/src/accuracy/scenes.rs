@@ -83,6 +83,7 @@ fn image_scene(volume: Arc<ContextVolume>, transfer: TransferFunction, zoom: f64
     let center_mm = grid.center_mm();
     let radius_mm = zoom * grid.corners_mm()[0].distance(center_mm);
     ContextScene {
+        projection: None,
         transfer: Arc::new(transfer),
         volume: Some(volume),
         clip: Vec::new(),

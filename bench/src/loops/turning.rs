@@ -60,6 +60,7 @@ fn scene(arguments: &TurningArguments) -> Outcome<ContextScene> {
     let (low, high) = volume.grid().bounds_mm();
     let preset = TransferPreset::first_for(volume.statistics(), "T1c");
     Ok(ContextScene {
+        projection: None,
         transfer: Arc::new(preset.transfer(volume.statistics())),
         volume: Some(volume),
         clip: Vec::new(),

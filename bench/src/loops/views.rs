@@ -194,6 +194,7 @@ fn context(time: &TimePoint, id: &str, preset: TransferPreset, zoom: f64) -> Out
     let center_mm = volume.grid().center_mm();
     let radius_mm = 1.3 * zoom * volume.grid().corners_mm()[0].distance(center_mm);
     Ok(ContextScene {
+        projection: None,
         transfer: Arc::new(preset.transfer(volume.statistics())),
         volume: Some(volume),
         clip: Vec::new(),

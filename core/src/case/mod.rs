@@ -46,7 +46,7 @@ pub use order::{OrderBasis, unordered_times};
 pub use proposal::{Problem, Proposal, ProposedFile, ProposedMask, Role};
 pub(crate) use registration::in_two_spaces;
 pub use registration::{
-    CaseRegistration, NOT_ALIGNED_MM, P95_OF_UNIT_ERRORS, Registered, apart_mm, register_dates,
+    CaseRegistration, NOT_ALIGNED_MM, P95_OF_UNIT_ERRORS, RegisterCase, Registered, apart_mm, register_dates,
     register_images,
 };
 pub use scheme::{Scheme, SchemeGroup, SchemeLabel};

@@ -51,6 +51,9 @@ pub struct Registered {
     pub warnings: Vec<String>,
 }
 
+/// [`register_dates`] or [`register_images`].
+pub type RegisterCase = fn(&Case, Option<&str>, Model, &Progress) -> Result<Vec<CaseRegistration>, Cancelled>;
+
 /// Registers every date of `case` to the first, `image` of both where they have it, else the first image that both have,
 /// else their first images by mutual information. The masks of both dates, grown, don't count. Dates that a transform moves
 /// already are left out. Nothing is applied.

@@ -19,11 +19,12 @@ pub(crate) fn brick_span_voxels(place: usize) -> [f64; 2] {
 }
 
 /// An image's values as lib/image reads them.
-struct Uploaded {
+pub(crate) struct Uploaded {
     volume: Arc<ContextVolume>,
-    shape: FieldShape,
-    ranges: Vec<[f32; 2]>,
-    values: wgpu::Buffer,
+    pub(crate) shape: FieldShape,
+    /// Smallest and largest stored value of each brick.
+    pub(crate) ranges: Vec<[f32; 2]>,
+    pub(crate) values: wgpu::Buffer,
 }
 
 /// Buffers of an image and its transfer function.
@@ -124,7 +125,12 @@ impl ImageBuffers {
     }
 }
 
-fn upload(gpu: &Gpu, volume: &Arc<ContextVolume>) -> Result<Uploaded, RenderError> {
+/// Uploads an image.
+///
+/// # Errors
+/// [`RenderError::Volume`] for an image that doesn't fit at an eighth of its resolution;
+/// [`RenderError::Device`] with the driver's message.
+pub(crate) fn upload(gpu: &Gpu, volume: &Arc<ContextVolume>) -> Result<Uploaded, RenderError> {
     let limit = gpu.storage_limit();
     let Some(field) = Field::fitting(volume, limit) else {
         return Err(RenderError::Volume { found: volume.grid().voxel_count() as u64 * 4, limit });

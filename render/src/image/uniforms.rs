@@ -2,6 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec4;
+use glioscope_core::optics::Camera;
 
 use super::{
     ImageLook, MOST_CLIP_PLANES,
@@ -66,6 +67,20 @@ pub(crate) fn step_mm(volume: &ContextVolume, wanted_mm: f64) -> f64 {
     if wanted > least { wanted.min(1e6) } else { least }
 }
 
+/// Where an image whose values are `field` on the device lies; nothing of its look.
+pub(crate) fn geometry(camera: &Camera, reference_mm: f64, field: &FieldShape) -> Context {
+    let [corner, right, up, forward] = index_axes(camera, reference_mm, &field.grid);
+    Context {
+        corner,
+        right,
+        up,
+        forward,
+        dims: field.grid.dims().map(|d| d as u32),
+        bricks: field.brick_dims.map(|d| d as u32),
+        ..Context::default()
+    }
+}
+
 /// The uniform of an image whose values are `field` on the device.
 pub(crate) fn context(
     look: &ImageLook<'_>,
@@ -74,7 +89,6 @@ pub(crate) fn context(
     tables: &Tables,
 ) -> Context {
     let ImageLook { camera, reference_mm, .. } = *look;
-    let [corner, right, up, forward] = index_axes(camera, reference_mm, &field.grid);
     let [world_right, world_up, world_back] = camera.axes();
     let (_, width) = volume.scale();
     let mut clips = [[0.0; 4]; MOST_CLIP_PLANES];
@@ -89,27 +103,20 @@ pub(crate) fn context(
     }
     let flag = |on: bool, flag: u32| if on { flag } else { 0 };
     Context {
-        corner,
-        right,
-        up,
-        forward,
         step_mm: step_mm(volume, look.step_mm) as f32,
         table_scale: tables.color_place.0 as f32,
         table_offset: tables.color_place.1 as f32,
         factor_scale: tables.factor_place.0 as f32,
         factor_offset: tables.factor_place.1 as f32,
-        dims: field.grid.dims().map(|d| d as u32),
-        bricks: field.brick_dims.map(|d| d as u32),
         flags: flag(look.jitter, JITTER) | flag(look.by_gradient, TWO_D),
         half_shaded: (volume.half_shaded() / width) as f32,
         ambient: AMBIENT as f32,
         specular: SPECULAR as f32,
         clips,
-        pad: 0,
         cut_fade_mm: volume.cut_fade_mm() as f32,
         table_last: tables.columns as u32 - 1,
         factor_last: tables.rows as u32 - 1,
-        unused: 0,
+        ..geometry(camera, reference_mm, field)
     }
 }
 

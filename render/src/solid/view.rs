@@ -18,6 +18,7 @@ pub(crate) const MANY_REGIONS: u32 = 32;
 pub(crate) const LENS_ONLY_DRAWN: u32 = 64;
 pub(crate) const HAS_CONTEXT: u32 = 128;
 pub(crate) const HAS_TUBES: u32 = 512;
+pub(crate) const HAS_PROJECTION: u32 = 4096;
 pub(crate) const LINEAR_LIGHT: u32 = 1024;
 pub(crate) const SMOOTH_SURFACE: u32 = 2048;
 

@@ -22,4 +22,4 @@ pub type ChangeRenderer = Renderer<change::Change>;
 /// Structs of the views' shaders, for the test of layouts.
 #[cfg(test)]
 pub(crate) const VIEW_LAYOUTS: &[&[crate::layouts::Layout]] =
-    &[change::uniforms::LAYOUTS, ellipsoids::LAYOUTS];
+    &[change::uniforms::LAYOUTS, context::PROJECTION_LAYOUTS, ellipsoids::LAYOUTS];

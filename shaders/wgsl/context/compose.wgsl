@@ -13,6 +13,7 @@
 @group(0) @binding(10) var picture: texture_storage_2d<rgba8unorm, write>;
 @group(0) @binding(28) var<storage, read> fibers: array<Fiber>;
 @group(0) @binding(30) var<storage, read> tube_shades: array<u32>;
+@group(0) @binding(33) var<storage, read> projected: array<u32>;
 
 const SPECULAR = 0.12;
 
@@ -67,6 +68,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         }
         color = mix(color, INNER, view.inner_line_strength * lines.grey);
         color = mix(color, view.silhouette.rgb, lines.black);
+    }
+    if (flags() & HAS_PROJECTION) != 0u {
+        let over = unpack4x8unorm(projected[at]);
+        color = mix(color, over.rgb, over.a);
     }
     color = with_ring(color, id.xy);
     textureStore(picture, here, vec4<f32>(color, 1.0));

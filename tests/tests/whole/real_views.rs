@@ -183,6 +183,7 @@ fn closeup_and_context_show_the_tumour_with_its_projected_area() {
 
 fn context_of_masks_alone(gpu: &Gpu, scene: &RegionScene) -> Vec<u8> {
     let context = glioscope_render::ContextScene {
+        projection: None,
         volume: None,
         transfer: std::sync::Arc::new(glioscope_render::TransferFunction::transparent()),
         clip: Vec::new(),

@@ -239,3 +239,38 @@ fn an_image_is_registered_within_its_date_and_a_reader_accepts_it() {
     assert_eq!(aligned(&harness), []);
     assert_eq!(error_text(&harness), "");
 }
+
+#[test]
+fn a_drag_with_alt_moves_the_date_shown_and_never_the_first() {
+    let mut harness = sample();
+    let rect = maximized(&mut harness, PaneId::Axial);
+    let drag = |harness: &mut Window, by: egui::Vec2| {
+        let (from, alt) = (rect.center(), egui::Modifiers::ALT);
+        harness.event(egui::Event::PointerMoved(from));
+        harness.run_ok();
+        let button = |pressed, pos| egui::Event::PointerButton {
+            pos,
+            button: egui::PointerButton::Primary,
+            pressed,
+            modifiers: alt,
+        };
+        harness.event(button(true, from));
+        harness.run_ok();
+        harness.event(egui::Event::PointerMoved(from + by));
+        harness.run_ok();
+        harness.event(button(false, from + by));
+        harness.run_ok();
+        wait_for_workers(harness);
+    };
+    drag(&mut harness, egui::vec2(60.0, 0.0));
+    assert!(doc(&harness).edit.alignments.is_empty(), "the first date's space is the case's");
+    perform(&mut harness, LookCommand::SetTime(1));
+    drag(&mut harness, egui::vec2(60.0, -30.0));
+    // To the right on the screen is the patient's left; up is anterior: half as far.
+    let moved = moved_mm(&harness).unwrap();
+    assert!(
+        moved.x < -2.0 && (moved.y + moved.x / 2.0).abs() < 0.05 * moved.x.abs() && moved.z == 0.0,
+        "{moved}"
+    );
+    assert_eq!(error_text(&harness), "");
+}

@@ -5,14 +5,14 @@ use egui_kittest::{Harness, kittest::Queryable};
 use glioscope::{
     command::{AppCommand, EditCommand, LookCommand, Workstation},
     model::{
-        CaseRef, EllipsoidKind, EllipsoidLook, EllipsoidOpacity, PaneId, layout::Task, session,
-        slice_axes::AxesOf,
+        CaseRef, EllipsoidKind, EllipsoidLook, EllipsoidOpacity, Fusion, PaneId, SecondImage, layout::Task,
+        session, slice_axes::AxesOf,
     },
     views::ellipsoids::EllipsoidPane,
     window::GlioscopeApp,
 };
 use glioscope_core::{axes, glam::DVec3};
-use glioscope_render::{ClipPlane, TransferPreset};
+use glioscope_render::{ClipPlane, TransferPreset, flat::ColorMap};
 use glioscope_tests::{
     Window, doc, issue, maximized, pane_picture, perform, screens, wait_for_workers, window_on, window_with,
     workstation, write_cube,
@@ -160,7 +160,7 @@ fn transfer_functions_and_clipping_planes_are_drawn_saved_and_undone() {
         omitted(harness, PaneId::Context).iter().any(|(pass, _)| *pass == "gradient_opacity")
     };
     assert!(!omits_gradients(&mut harness), "a 2-D function needs gradients");
-    let plane = ClipPlane { normal: glam::DVec3::Z, offset_mm: doc(&harness).nav.cursor_mm.z };
+    let plane = ClipPlane { normal: DVec3::Z, offset_mm: doc(&harness).nav.cursor_mm.z };
     perform(&mut harness, EditCommand::SetClips(vec![plane]));
     let clipped = pane_picture(&mut harness, PaneId::Context);
     assert_ne!(clipped, with_borders);
@@ -400,10 +400,10 @@ fn slices_turn_to_the_tumours_axes_and_back() {
     assert!(deg > 2.0 && deg < 63.0, "{deg}");
     assert!(harness.query_by_label_contains(&format!("slice turned {deg:.0}°")).is_some());
     let turned = pane_picture(&mut harness, PaneId::Axial);
-    assert_ne!(plain, turned);
+    assert!(plain != turned);
     // The thing under the crosshair stays: the image's value there is that of either picture's middle.
     let place_mm = doc(&harness).nav.crosshair_mm();
-    harness.event(egui::Event::PointerMoved(rect.center() + egui::vec2(rect.width() * 0.3, 0.0)));
+    harness.event(egui::Event::PointerMoved(rect.center() + vec2(rect.width() * 0.3, 0.0)));
     harness.run_ok();
     let hovered_mm = doc(&harness).nav.crosshair_mm();
     let normal = turn * DVec3::Z;
@@ -420,5 +420,38 @@ fn slices_turn_to_the_tumours_axes_and_back() {
     perform(&mut harness, LookCommand::SetCursor(place_mm));
     harness.event(egui::Event::PointerGone);
     harness.run_ok();
-    assert_eq!(pane_picture(&mut harness, PaneId::Axial), plain);
+    assert!(pane_picture(&mut harness, PaneId::Axial) == plain);
+}
+
+/// The largest PET value along each ray lies over the context view, turns with it, and leaves nothing when it is off.
+#[test]
+fn a_second_image_is_projected_over_the_context_view() {
+    let mut harness = sample();
+    let rect = maximized(&mut harness, PaneId::Context);
+    wait_for_workers(&mut harness);
+    let plain = pane_picture(&mut harness, PaneId::Context);
+    let fusion = Fusion {
+        second: Some(SecondImage { id: "PET".into(), time: None }),
+        map: ColorMap::Hot,
+        opacity: 1.0,
+        in_context: true,
+        ..Fusion::default()
+    };
+    let yellow = |picture: &image::RgbaImage| {
+        picture.pixels().filter(|p| p[0] > 235 && p[1] > 140 && p[2] < 130).count()
+    };
+    perform(&mut harness, EditCommand::SetFusion(Box::new(fusion.clone())));
+    wait_for_workers(&mut harness);
+    let over = pane_picture(&mut harness, PaneId::Context);
+    assert!(yellow(&over) > yellow(&plain) + 150, "{} {}", yellow(&over), yellow(&plain));
+    let plan = screens(&mut harness, PaneId::Context).plan().unwrap().0.clone();
+    assert!(plan.passes.iter().any(|pass| pass.name() == "projection"));
+    // Only on slices, nothing is projected, and the picture is as before.
+    perform(&mut harness, EditCommand::SetFusion(Box::new(Fusion { in_context: false, ..fusion })));
+    wait_for_workers(&mut harness);
+    assert!(omitted(&mut harness, PaneId::Context).contains(&("projection", "no second image")));
+    perform(&mut harness, EditCommand::SetFusion(Box::default()));
+    wait_for_workers(&mut harness);
+    assert!(pane_picture(&mut harness, PaneId::Context) == plain);
+    assert!(rect.width() > 300.0);
 }

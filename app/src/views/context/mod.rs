@@ -1,5 +1,6 @@
 //! The context view (thesis 7.3.2): the tumour within the volume-rendered image, visible through it from every side.
 
+mod second;
 mod tract_list;
 
 use egui::{Rect, Role, Sense, Ui, WidgetInfo, vec2};
@@ -72,8 +73,10 @@ impl Pane for ContextPane {
             None => None,
         };
         let transfer = stage.results.image.transfer(input.doc, input.context);
+        let (projection, second_note) = second::projection(ui, stage);
         let (tubes, tracts_note) = tract_list::drawn_tubes(ui, stage);
         let mut scene = ContextScene {
+            projection,
             volume,
             transfer,
             clip: input.doc.edit.clips.clone(),
@@ -118,8 +121,11 @@ impl Pane for ContextPane {
         if !input.is_plain {
             tract_list::list(ui, &input, rect, text_rect.bottom() + 8.0, &scene.tubes, out);
         }
-        if let Some(tracts_note) = tracts_note {
-            draw::note(ui, rect, &tracts_note);
+        if let Some(projection) = &scene.projection {
+            second::legend(ui, &input, rect, projection);
+        }
+        if let Some(note) = tracts_note.or(second_note) {
+            draw::note(ui, rect, &note);
         }
         let scale_position = if input.is_plain { "" } else { "at the middle" };
         marks::corners(ui, rect, input.sides_known(), (&scene.camera, scale_position), true);

@@ -6,7 +6,7 @@ use glioscope_render::flat::Plane;
 
 use super::{Input, Layout, shown_grid};
 use crate::{
-    command::{Commands, EditCommand, LookCommand},
+    command::{AppCommand, Commands, EditCommand, LookCommand},
     model::PaneId,
     views::pointer,
 };
@@ -23,6 +23,8 @@ pub(super) struct GestureState {
     hovered: Option<Pos2>,
     /// Scrolled part of a notch, below one slice.
     leftover_notches: f32,
+    /// Where a drag with Alt began, which moves a date.
+    grabbed: Option<Pos2>,
 }
 
 impl GestureState {
@@ -39,7 +41,8 @@ impl GestureState {
             out.push(LookCommand::ResetSlices);
             return;
         }
-        if !input.doc.nav.ruler_on {
+        let grabs_date = pointer::press_modifiers(ui.ctx()).alt && moved_date(input).is_some();
+        if !input.doc.nav.ruler_on && !grabs_date {
             crosshair(ui, input, layout, response, out);
         }
         self.follow_pointer(ui, input, (pane, layout), response, out);
@@ -52,6 +55,32 @@ impl GestureState {
             zoom(ui, input, layout, response, out);
         }
         keys(ui, input, layout, response, out);
+    }
+
+    /// A drag with Alt over a slice that moves a date: its label, from where, to where. At its end the date is moved.
+    pub(super) fn drag_of_date<'a>(
+        &mut self,
+        ui: &Ui,
+        input: &Input<'a>,
+        layout: &Layout,
+        response: &Response,
+        out: &mut Commands,
+    ) -> Option<(&'a str, [Pos2; 2])> {
+        let is_down = response.is_pointer_button_down_on() && ui.input(|i| i.pointer.primary_down());
+        if is_down && self.grabbed.is_none() && pointer::press_modifiers(ui.ctx()).alt {
+            self.grabbed = ui.input(|i| i.pointer.press_origin());
+        }
+        let (from, to) = (self.grabbed?, response.interact_pointer_pos());
+        let ends = moved_date(input).zip(to).map(|(date, to)| (date, [from, to]));
+        if is_down {
+            return ends;
+        }
+        self.grabbed = None;
+        if let Some((date, [from, to])) = ends.filter(|(_, [from, to])| from != to) {
+            let shift_mm = layout.world_at(to) - layout.world_at(from);
+            out.push(AppCommand::ShiftDate(date.to_owned(), shift_mm));
+        }
+        None
     }
 
     /// Shows the crosshair under a pointer that moves over the slice, until it leaves. Not while a button is pressed or
@@ -177,6 +206,13 @@ fn step(input: &Input<'_>, layout: &Layout, slices: f64, out: &mut Commands) {
     if along_mm != input.doc.nav.crosshair_mm()[plane.axis()] {
         out.push(LookCommand::SetSlice(plane, along_mm));
     }
+}
+
+/// The date that a drag with Alt moves: that of the second image, else the one shown; never the first, whose space is the case's.
+fn moved_date<'a>(input: &Input<'a>) -> Option<&'a str> {
+    let first = input.case.time_points.first()?.label.as_str();
+    let second = input.second.map(|second| second.time).filter(|time| *time != first);
+    second.or(Some(input.time_point.label.as_str())).filter(|time| *time != first)
 }
 
 /// The crosshair moved by so many steps along a direction, within what the image's corners reach along it.

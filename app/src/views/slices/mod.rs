@@ -131,7 +131,9 @@ impl SlicePane {
         let is_shown_date = input.time == input.doc.nav.time;
         let here = marks::in_slice(input, &layout);
         let (pos_of, normal) = (|mm| layout.pos_of(mm), layout.slice.normal());
+        let moving = self.gestures.drag_of_date(ui, input, &layout, &response, out);
         let holds = is_shown_date
+            && moving.is_none()
             && ruler::drag_handles(
                 ui,
                 &response,
@@ -139,7 +141,7 @@ impl SlicePane {
                 Flat { pos_of: &pos_of, place_at: &inside, normal },
                 out,
             );
-        let draft = (is_shown_date && !holds)
+        let draft = (is_shown_date && !holds && moving.is_none())
             .then(|| ruler::drag(ui, &response, input.doc, self.pane, (&inside, Some(normal)), out))
             .flatten();
 
@@ -154,6 +156,11 @@ impl SlicePane {
         marks::rulers(ui, input, &layout, &here, draft);
         if let (Some(draft), Some(pointer)) = (&draft, response.interact_pointer_pos()) {
             draw::beside_pointer(ui.painter(), layout.rect, pointer, ruler::draft_text(draft));
+        }
+        if let Some((date, [from, to])) = moving {
+            ruler::line(&ui.painter().with_clip_rect(layout.rect), [from, to], ruler::Look::Solid, "");
+            let mm = layout.world_at(from).distance(layout.world_at(to));
+            draw::beside_pointer(ui.painter(), layout.rect, to, format!("moves {date} by {mm:.1} mm"));
         }
         if input.doc.nav.ruler_on && response.hovered() {
             ui.ctx().set_cursor_icon(egui::CursorIcon::Crosshair);

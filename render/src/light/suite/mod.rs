@@ -96,6 +96,7 @@ pub(crate) fn scene(two_d: bool, with_tumor: bool, projection: Projection) -> Co
         })
     });
     ContextScene {
+        projection: None,
         camera: Camera::fit(DVec3::ZERO, 22.0, Camera::orientation(31.3, 19.7), projection),
         volume: Some(lumps(&grid)),
         transfer: transfer(two_d, if two_d { 0.9 } else { 0.35 }),

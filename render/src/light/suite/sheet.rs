@@ -60,6 +60,7 @@ impl Sheet {
         let scene = ContextScene {
             volume: None,
             transfer: Arc::new(TransferFunction::transparent()),
+            projection: None,
             clip: Vec::new(),
             tumor: volume(&grid, 1, |_, _| true),
             selection: Selection::all(),

@@ -48,6 +48,7 @@ fn set(fibers: &[&[[f32; 3]]], color: Rgb, radius_mm: f64) -> DrawnTubes {
 /// Tubes alone, viewed slightly from above.
 fn scene(tubes: Vec<DrawnTubes>) -> ContextScene {
     ContextScene {
+        projection: None,
         volume: None,
         transfer: Arc::new(TransferFunction::transparent()),
         clip: Vec::new(),

@@ -175,6 +175,7 @@ impl ChangeScene {
             selection.set(surface::AFTER, false);
         }
         ContextScene {
+            projection: None,
             volume: self.context.volume.clone(),
             transfer: Arc::clone(&self.context.transfer),
             clip: self.context.clip.clone(),

@@ -6,6 +6,9 @@
 //! per point); with tracts 16 bytes per pixel more.
 
 mod march;
+mod projection;
+#[cfg(test)]
+mod projection_tests;
 pub mod reference;
 mod scene;
 #[cfg(test)]
@@ -19,8 +22,13 @@ use glam::DVec3;
 use glioscope_core::RegionVolume;
 
 pub(crate) use march::{ImagePart, bind_march, shows_image};
+pub use projection::ImageProjection;
+#[cfg(test)]
+pub(crate) use projection::LAYOUTS as PROJECTION_LAYOUTS;
 pub use scene::{ContextScene, context_plan};
 pub(crate) use scene::{around_light, no_image};
+
+use projection::{PROJECTION, ProjectionPart};
 
 use crate::{
     device::{Gpu, RenderError},
@@ -39,7 +47,8 @@ use crate::{
             fiber_of,
         },
         view::{
-            FAR, HAS_CONTEXT, HAS_SURFACE, HAS_TUBES, LENS_ONLY_DRAWN, NO_SKIPPING, region_view, world_at,
+            FAR, HAS_CONTEXT, HAS_PROJECTION, HAS_SURFACE, HAS_TUBES, LENS_ONLY_DRAWN, NO_SKIPPING,
+            region_view, world_at,
         },
     },
     views::view3d::{COMPOSE, Draw, Frame, Prepared, View3d},
@@ -70,6 +79,7 @@ pub struct PickedFiber {
 pub struct Context {
     regions: Option<RegionBuffers>,
     image: ImagePart,
+    projection: ProjectionPart,
     pub(crate) tubes: TubeBuffers,
 }
 
@@ -87,7 +97,7 @@ impl View3d for Context {
     type FrameData = FrameData;
     const IN_PARTS: bool = true;
     const SHADERS: &'static [&'static str] =
-        &["closeup/surface", "tubes/merge", "context/march", "context/compose"];
+        &["closeup/surface", "tubes/merge", "context/march", "context/project", "context/compose"];
 
     fn plan(scene: &ContextScene, quality: &Quality) -> Plan {
         context_plan(scene, quality)
@@ -98,7 +108,12 @@ impl View3d for Context {
     }
 
     fn start(gpu: &Gpu) -> Result<Self, RenderError> {
-        Ok(Self { regions: None, image: ImagePart::new(gpu), tubes: TubeBuffers::new(gpu) })
+        Ok(Self {
+            regions: None,
+            image: ImagePart::new(gpu),
+            projection: ProjectionPart::new(gpu),
+            tubes: TubeBuffers::new(gpu),
+        })
     }
 
     fn prepare(
@@ -112,9 +127,12 @@ impl View3d for Context {
         let tumor = scene.tumor_scene();
         let reference_mm = scene.reference_mm();
         let mut flags = LENS_ONLY_DRAWN | light::flags(draw.quality.lighting.mode, draw.plan);
-        for (pass, flag) in
-            [(SURFACE, HAS_SURFACE), (crate::image::CONTEXT, HAS_CONTEXT), (TUBES_MERGE, HAS_TUBES)]
-        {
+        for (pass, flag) in [
+            (SURFACE, HAS_SURFACE),
+            (crate::image::CONTEXT, HAS_CONTEXT),
+            (TUBES_MERGE, HAS_TUBES),
+            (PROJECTION, HAS_PROJECTION),
+        ] {
             flags |= if draw.plan.has(pass) { flag } else { 0 };
         }
         flags |= if draw.switches.skipping { 0 } else { NO_SKIPPING };
@@ -182,6 +200,7 @@ impl View3d for Context {
         };
         let notes = draw.lights.bind(gpu, draw.passes, draw.plan, &lit)?;
         bind_march(draw, self.image.lit(scene, draw.plan).as_ref())?;
+        let second = self.projection.bind(draw, scene.projection.as_ref(), &scene.camera, reference_mm)?;
         let picture = targets.color.create_view(&wgpu::TextureViewDescriptor::default());
         let entries = [
             (0, draw.view.as_entire_binding()),
@@ -193,6 +212,7 @@ impl View3d for Context {
             (10, wgpu::BindingResource::TextureView(&picture)),
             (28, self.tubes.fibers().as_entire_binding()),
             (30, self.tubes.shades().as_entire_binding()),
+            (33, self.projection.projected().as_entire_binding()),
         ];
         draw.passes.bind(gpu, COMPOSE, "context/compose", &entries, workgroups)?;
         let data = FrameData { tumor: scene.tumor.clone(), tubes: scene.tubes.clone() };
@@ -200,7 +220,7 @@ impl View3d for Context {
             data,
             camera: scene.camera,
             reference_mm,
-            warnings: warning.into_iter().collect(),
+            warnings: warning.into_iter().chain(second).collect(),
             notes,
         })
     }

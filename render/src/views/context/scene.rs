@@ -5,6 +5,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use glioscope_core::{RegionVolume, Selection, optics::Camera};
 
+use super::projection::{ImageProjection, PROJECTION};
 use crate::{
     device::{PassName, RenderError},
     image::{CONTEXT, ClipPlane, ContextVolume, GRADIENT_OPACITY, MOST_CLIP_PLANES, TransferFunction},
@@ -28,6 +29,8 @@ pub struct ContextScene {
     pub volume: Option<Arc<ContextVolume>>,
     /// Its transfer function.
     pub transfer: Arc<TransferFunction>,
+    /// A second image, projected over the picture; `None` for none.
+    pub projection: Option<ImageProjection>,
     /// Clipping planes of the image, at most [`MOST_CLIP_PLANES`]; the tumour is not clipped.
     pub clip: Vec<ClipPlane>,
     /// The regions; `None` if no voxel is active. The image is omitted in and in front of its bounding
@@ -54,6 +57,7 @@ impl PartialEq for ContextScene {
         let Self {
             volume,
             transfer,
+            projection,
             clip,
             tumor,
             selection,
@@ -66,6 +70,7 @@ impl PartialEq for ContextScene {
         } = self;
         same(volume.as_ref(), other.volume.as_ref())
             && (Arc::ptr_eq(transfer, &other.transfer) || *transfer == other.transfer)
+            && *projection == other.projection
             && *clip == other.clip
             && same(tumor.as_ref(), other.tumor.as_ref())
             && *selection == other.selection
@@ -151,11 +156,12 @@ pub fn context_plan(scene: &ContextScene, quality: &Quality) -> Plan {
     let no_image = no_image(scene);
     let is_1d = (!scene.transfer.uses_gradient()).then_some("transfer function is 1-D");
     let before = [SURFACE, TUBES, TUBES_MERGE];
-    Plan::of(around_light(quality, before, [COMPOSE]), |pass| match pass {
+    Plan::of(around_light(quality, before, [PROJECTION, COMPOSE]), |pass| match pass {
         SURFACE => no_surface,
         TUBES | TUBES_MERGE => no_tubes,
         CONTEXT => no_image,
         GRADIENT_OPACITY => no_image.or(is_1d),
+        PROJECTION => ImageProjection::omitted(scene.projection.as_ref()),
         LAYERS | TUBE_SHADOWS if light::row(quality.lighting.mode).traces_masks => {
             no_tubes.or(light::omission_reason(pass, quality, no_opaque, no_image))
         }

@@ -44,6 +44,7 @@ fn scene(grid: &Grid, value: impl Fn(DVec3) -> f64, transfer: Arc<TransferFuncti
         },
         volume: Some(crate::light::suite::image_of(grid, values)),
         transfer,
+        projection: None,
         clip: Vec::new(),
         tumor: None,
         selection: Selection::all(),

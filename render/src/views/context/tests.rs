@@ -59,6 +59,7 @@ fn scene(image: Arc<ContextVolume>, transfer: Arc<TransferFunction>) -> ContextS
     let center_mm = image.grid().center_mm();
     let radius_mm = corners.iter().map(|c| c.distance(center_mm)).fold(0.0, f64::max) * 0.8;
     ContextScene {
+        projection: None,
         camera: Camera::fit(center_mm, radius_mm, Camera::orientation(35.0, 20.0), Projection::Perspective),
         volume: Some(image),
         transfer,
@@ -428,8 +429,8 @@ fn values_that_are_not_finite_are_invisible() {
 
 fn omitted(scene: &ContextScene, quality: &Quality) -> Vec<(PassName, &'static str)> {
     let mut omitted = context_plan(scene, quality).omitted;
-    // See solid/tubes/tests.rs for those.
-    omitted.retain(|(_, reason)| *reason != "no fibre tracts");
+    // See solid/tubes/tests.rs and projection_tests.rs for those.
+    omitted.retain(|(_, reason)| !["no fibre tracts", "no second image"].contains(reason));
     omitted
 }
 

@@ -78,7 +78,7 @@ pub use grid::{Grid, GridError, Sides};
 pub use mask::{Mask, MaskBits};
 pub use progress::{Cancelled, Progress};
 pub use regions::{Region, RegionVolume, Regions, Selection};
-pub use tracts::Tracts;
+pub use tracts::{ScalarPer, TractScalar, Tracts};
 pub use tumor_index::{IndexData, TumorIndex};
 pub use volume::{Samples, Scaling, Volume};
 

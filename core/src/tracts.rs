@@ -11,6 +11,51 @@ pub struct Tracts {
     points_mm: Vec<[f32; 3]>,
     offsets: Vec<u32>,
     sides: Sides,
+    scalars: Vec<TractScalar>,
+}
+
+/// What each value of a scalar belongs to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ScalarPer {
+    /// A point.
+    Point,
+    /// A fibre.
+    Fiber,
+}
+
+/// A named quantity along fibres (fractional anisotropy, say), in the unit of its file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TractScalar {
+    name: String,
+    per: ScalarPer,
+    values: Vec<f32>,
+    range: Option<[f32; 2]>,
+}
+
+impl TractScalar {
+    /// A scalar with one value for each point or fibre, in their order. Values that aren't finite are missing.
+    pub fn new(name: String, per: ScalarPer, values: Vec<f32>) -> Self {
+        let finite = values.iter().copied().filter(|v| v.is_finite());
+        let range = finite.fold(None, |range: Option<[f32; 2]>, v| {
+            Some(range.map_or([v, v], |[low, high]| [low.min(v), high.max(v)]))
+        });
+        Self { name, per, values, range }
+    }
+
+    /// Its name; unique among those of its tracts.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Its least and its greatest finite value; `None` without any.
+    pub fn range(&self) -> Option<[f32; 2]> {
+        self.range
+    }
+
+    /// Whether some values are missing.
+    pub fn has_gaps(&self) -> bool {
+        self.values.iter().any(|v| !v.is_finite())
+    }
 }
 
 impl Tracts {
@@ -22,7 +67,51 @@ impl Tracts {
             && offsets.is_sorted()
             && offsets.last().map(|&end| end as usize) == Some(points_mm.len())
             && points_mm.iter().flatten().all(|v| v.is_finite());
-        valid.then_some(Self { points_mm, offsets, sides })
+        valid.then_some(Self { points_mm, offsets, sides, scalars: Vec::new() })
+    }
+
+    /// These tracts with more scalars. `None` where one hasn't a value for each of its points or fibres. A name that is
+    /// taken gets a number.
+    pub fn with_scalars(mut self, scalars: Vec<TractScalar>) -> Option<Self> {
+        for mut scalar in scalars {
+            let expected = match scalar.per {
+                ScalarPer::Point => self.points_mm.len(),
+                ScalarPer::Fiber => self.fiber_count(),
+            };
+            if scalar.values.len() != expected {
+                return None;
+            }
+            let own = scalar.name.clone();
+            for number in 2.. {
+                if self.scalar(&scalar.name).is_none() {
+                    break;
+                }
+                scalar.name = format!("{own} {number}");
+            }
+            self.scalars.push(scalar);
+        }
+        Some(self)
+    }
+
+    /// Its scalars, in the order of their files.
+    pub fn scalars(&self) -> &[TractScalar] {
+        &self.scalars
+    }
+
+    /// The scalar with this name.
+    pub fn scalar(&self, name: &str) -> Option<&TractScalar> {
+        self.scalars.iter().find(|scalar| scalar.name == name)
+    }
+
+    /// The values of one of its scalars at the points of fibre `n`; NaN where it has none.
+    pub fn values_along(&self, scalar: &TractScalar, n: usize) -> Vec<f32> {
+        let first = self.offsets.get(n).map_or(0, |&at| at as usize);
+        let count = self.fiber(n).len();
+        let value = |at: usize| match scalar.per {
+            ScalarPer::Point => scalar.values.get(first + at),
+            ScalarPer::Fiber => scalar.values.get(n),
+        };
+        (0..count).map(|at| value(at).copied().unwrap_or(f32::NAN)).collect()
     }
 
     /// Number of fibres, including those without points.
@@ -59,6 +148,26 @@ impl Tracts {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn scalars_have_a_value_for_each_point_or_fiber() {
+        let points = vec![[0.0; 3], [1.0; 3], [5.0; 3]];
+        let tracts = Tracts::new(points, vec![0, 2, 2, 3], Sides::Known).unwrap();
+        let per_point = TractScalar::new("FA".into(), ScalarPer::Point, vec![0.5, f32::NAN, 0.25]);
+        let per_fiber = TractScalar::new("FA".into(), ScalarPer::Fiber, vec![7.0, 8.0, f32::INFINITY]);
+        assert_eq!((per_point.range(), per_fiber.range()), (Some([0.25, 0.5]), Some([7.0, 8.0])));
+        assert!(per_point.has_gaps());
+        assert_eq!(TractScalar::new("x".into(), ScalarPer::Point, vec![f32::NAN]).range(), None);
+        let both = tracts.clone().with_scalars(vec![per_point.clone(), per_fiber.clone()]).unwrap();
+        let names: Vec<&str> = both.scalars().iter().map(TractScalar::name).collect();
+        assert_eq!(names, ["FA", "FA 2"]);
+        let along = |name: &str, n| both.values_along(both.scalar(name).unwrap(), n);
+        assert_eq!((along("FA", 2), along("FA 2", 0)), (vec![0.25], vec![7.0, 7.0]));
+        assert_eq!((along("FA", 1), along("FA 2", 9)), (vec![], vec![]));
+        for short in [ScalarPer::Point, ScalarPer::Fiber] {
+            assert_eq!(tracts.clone().with_scalars(vec![TractScalar::new("x".into(), short, vec![1.0])]), None);
+        }
+    }
 
     #[test]
     fn invalid_offsets_and_points_are_rejected() {

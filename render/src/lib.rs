@@ -23,10 +23,10 @@ pub use image::{
     Shape as TransferShape, TransferFunction, TransferPreset, ValueHistogram,
 };
 pub use scene::{
-    Coloring, Lens, LightSettings, LightingMode, MaskColors, MutualOcclusion, Palette, Plan, Preset, Quality,
+    ColorMap, Coloring, Lens, LightSettings, LightingMode, MaskColors, MutualOcclusion, Palette, Plan, Preset, Quality,
     RegionScene, Rgb, SlicePlane, SliceVariant, agreement_color,
 };
-pub use solid::tubes::{DrawnTubes, TubeSet, tract_color};
+pub use solid::tubes::{DrawnTubes, TubeLook, TubeSet, TubeShape, TubeValues, tract_color};
 pub use views::{
     ChangeRenderer, CloseupRenderer, ContextRenderer, EllipsoidRenderer, Frame, Renderer, View3d,
     change::{ChangeContext, ChangeLook, ChangePick, ChangeScene, ChangeStyle, ChangeSurface, change_plan},

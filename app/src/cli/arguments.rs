@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 use glam::DVec3;
 use glioscope_render::{
-    ChangeStyle, ClipPlane, LightSettings, LightingMode, MutualOcclusion, Palette, Preset, SliceVariant,
-    flat::{ColorMap, Mixing, Overlay},
+    ChangeStyle, ClipPlane, ColorMap, LightSettings, LightingMode, MutualOcclusion, Palette, Preset, SliceVariant,
+    flat::{Mixing, Overlay},
 };
 
 use super::{

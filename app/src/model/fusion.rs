@@ -1,6 +1,9 @@
 //! A second image on the slices.
 
-use glioscope_render::flat::{ColorMap, Mixing, Window};
+use glioscope_render::{
+    ColorMap,
+    flat::{Mixing, Window},
+};
 use serde::{Deserialize, Serialize};
 
 /// An image of the case, of any of its dates.

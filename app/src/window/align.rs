@@ -11,7 +11,7 @@ use glioscope_core::{
     register::Model,
     transform::Convention,
 };
-use glioscope_render::flat::{ColorMap, Mixing};
+use glioscope_render::{ColorMap, flat::Mixing};
 use jiff::Timestamp;
 
 use super::label::label_for_screen_readers;

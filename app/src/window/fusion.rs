@@ -1,7 +1,7 @@
 //! The second image on slices: which one, and how it is shown.
 
 use egui::{ComboBox, DragValue, Slider, Ui};
-use glioscope_render::flat::{ColorMap, Mixing};
+use glioscope_render::{ColorMap, flat::Mixing};
 use strum::VariantArray;
 
 use super::label::label_for_screen_readers;
@@ -82,17 +82,10 @@ fn controls(ui: &mut Ui, fusion: &mut Fusion, threshold: f64) {
         }
     });
     label_for_screen_readers(&response.response, "How both images are shown");
-    let map = |map: ColorMap| match map {
-        ColorMap::Hot => "hot",
-        ColorMap::Inferno => "inferno",
-        ColorMap::Viridis => "viridis",
-        ColorMap::Grey => "grey",
-        ColorMap::InvertedGrey => "grey inverted",
-    };
-    let combo = ComboBox::from_id_salt("color map").selected_text(map(fusion.map)).width(60.0);
+    let combo = ComboBox::from_id_salt("color map").selected_text(fusion.map.name()).width(60.0);
     let response = combo.show_ui(ui, |ui| {
         for &choice in ColorMap::VARIANTS {
-            ui.selectable_value(&mut fusion.map, choice, map(choice));
+            ui.selectable_value(&mut fusion.map, choice, choice.name());
         }
     });
     label_for_screen_readers(&response.response, "Colours of the second image");

@@ -23,7 +23,7 @@ use super::{
 };
 use crate::{
     Check, Grid, Mask, Progress, Regions, TumorIndex, Volume,
-    files::{FileError, Inputs, Loaded, Source, TractOptions, read_tracts},
+    files::{FileError, Inputs, Loaded, Source, TractOptions},
     resample,
     tumor_index::MAX_MASKS,
 };
@@ -240,9 +240,10 @@ fn load_tracts(
 ) -> Result<Vec<CaseTracts>, CaseError> {
     let limit = TractOptions { max_bytes: options.max_bytes };
     let (mut all, mut findings) = (Vec::new(), Vec::new());
-    for TractsSpec { id, source } in &spec.tracts {
+    for tracts in &spec.tracts {
+        let TractsSpec { id, source, .. } = tracts;
         progress.say(format!("Reading {id}"));
-        let loaded = read_tracts(source, &limit, progress)?;
+        let loaded = tracts.read(&limit, progress)?;
         findings.extend(loaded.checks.into_iter().map(|check| Finding::new(id, None, source, check)));
         all.push(CaseTracts { id: id.clone(), tracts: Arc::new(loaded.tracts) });
     }

@@ -344,7 +344,7 @@ pub fn parse_manifest(text: &str, path: &Path) -> Result<CaseSpec, CaseError> {
         if spec.tracts.iter().any(|t| t.id == id) {
             return Err(location.wrong(Some(at), format!("tracts {id} twice"), "each id once"));
         }
-        spec.tracts.push(TractsSpec { id, source });
+        spec.tracts.push(TractsSpec::new(id, source));
     }
     for entry in &manifest.transform {
         let (at, entry) = (entry.span().start, entry.get_ref());

@@ -23,6 +23,7 @@ mod select;
 mod sessions;
 mod study;
 mod subject;
+mod tracts;
 mod values;
 
 use std::{
@@ -51,6 +52,7 @@ pub use registration::{
 };
 pub use scheme::{Scheme, SchemeGroup, SchemeLabel};
 pub use study::is_study;
+pub use tracts::{TractScalarSpec, TractsSpec, is_tract_scalars};
 
 /// Maximum number of images, masks and tracts in a case: twenty raters over a hundred dates are half of it.
 const MAX_FILES: usize = 4096;
@@ -83,15 +85,6 @@ pub struct MaskSpec {
     pub color: Option<[u8; 3]>,
     /// What it is called beside its id: the tissue that its label means.
     pub name: Option<String>,
-}
-
-/// A file of fibre tracts listed in a case, not yet read. Tracts belong to the case, not to a time point.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TractsSpec {
-    /// Its name in the case.
-    pub id: String,
-    /// Its file.
-    pub source: Source,
 }
 
 /// The description of a case, its files not yet read: from a manifest, a folder's file names, or the command line.
@@ -145,7 +138,8 @@ impl CaseSpec {
     pub fn inputs(&self) -> Inputs {
         let sources = self.contexts.iter().map(|c| &c.source).chain(self.masks.iter().map(|m| &m.source));
         let sources = sources.chain(self.tracts.iter().map(|t| &t.source));
-        let files = sources.flat_map(files::files_of);
+        let scalars = self.tracts.iter().flat_map(|t| &t.scalars).map(|scalar| scalar.path.clone());
+        let files = sources.flat_map(files::files_of).chain(scalars);
         let transforms = self.alignments.iter().flat_map(|alignment| alignment.by.files());
         Inputs::new(files.chain(transforms).chain(self.described_by.iter().cloned()))
     }
@@ -182,17 +176,28 @@ impl CaseSpec {
                 *path = files::absolute(path);
             }
         }
+        for scalar in self.tracts.iter_mut().flat_map(|tracts| &mut tracts.scalars) {
+            scalar.path = files::absolute(&scalar.path);
+        }
         for alignment in &mut self.alignments {
             *alignment = alignment.with_files(&files::absolute);
         }
     }
 
     /// Adds the values of repeated `--tracts FILE`. Each is named after its file without extension, with a number
-    /// appended where that name is taken.
+    /// appended where that name is taken. A file of scalars belongs to the tracts before it.
     pub fn add_tracts(&mut self, files: &[PathBuf]) {
         for file in files {
             let id = names::unique(&tracts_id(file), |id| self.tracts.iter().any(|t| t.id == id));
-            self.tracts.push(TractsSpec { id, source: Source::File(file.clone()) });
+            self.push_tracts(id, Source::File(file.clone()));
+        }
+    }
+
+    /// Adds a file of tracts, or one of scalars to the tracts before it. Without any, it is refused when it is read.
+    fn push_tracts(&mut self, id: String, source: Source) {
+        match (source.path().filter(|path| is_tract_scalars(path)), self.tracts.last_mut()) {
+            (Some(path), Some(tracts)) => tracts.add_scalars(path.to_owned()),
+            (None, _) | (_, None) => self.tracts.push(TractsSpec::new(id, source)),
         }
     }
 }

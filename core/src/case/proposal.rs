@@ -8,7 +8,7 @@ use std::{
 };
 
 use super::{
-    Alignment, CaseError, CaseSpec, ContextSpec, MAX_FILES, MaskSpec, Scheme, SchemeGroup, TractsSpec,
+    Alignment, CaseError, CaseSpec, ContextSpec, MAX_FILES, MaskSpec, Scheme, SchemeGroup,
     arguments, arguments::Active, names, tracts_id,
 };
 use crate::{
@@ -343,6 +343,11 @@ impl Proposal {
         for tracts in &spec.tracts {
             let path = tracts.source.path()?.to_owned();
             files.push(ProposedFile::new(path, Role::Tracts, tracts.id.clone(), String::new()));
+            // Those beside the tracts are found again.
+            for scalar in tracts.scalars.iter().filter(|scalar| !scalar.is_beside) {
+                let id = tracts_id(&scalar.path);
+                files.push(ProposedFile::new(scalar.path.clone(), Role::Tracts, id, String::new()));
+            }
         }
         for path in left_out {
             let id = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
@@ -375,7 +380,7 @@ impl Proposal {
             let (id, source, time) = (file.id.trim().to_owned(), file.source(None), file.time());
             match file.role {
                 Role::Image => spec.contexts.push(ContextSpec { id, source, time }),
-                Role::Tracts => spec.tracts.push(TractsSpec { id, source }),
+                Role::Tracts => spec.push_tracts(id, source),
                 Role::Mask | Role::LeftOut => {}
             }
             spec.masks.extend(file.masks_in().map(|(_, mask)| {

@@ -166,6 +166,14 @@ pub fn is_tracts(name: &str) -> bool {
     tract_stem(name).is_some()
 }
 
+/// Extensions of scalars of MRtrix's tracts, without the dot.
+const SCALAR_ENDINGS: &[&str] = &["tsf", "tsf.gz"];
+
+/// File name without its extension of scalars of tracts; `None` for other files.
+pub fn tract_scalar_stem(name: &str) -> Option<&str> {
+    stem(name, SCALAR_ENDINGS.iter().copied())
+}
+
 fn endings(of: impl Iterator<Item = &'static [&'static str]>) -> impl Iterator<Item = &'static str> {
     of.flatten().copied()
 }

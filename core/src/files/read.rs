@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use super::{
     FileError, FileInfo, Loaded, LoadedTracts, Part, ReadOptions, Segment, Source, TractOptions, Which,
     bounded_gzip::Stream,
-    dicom,
+    dicom, tracts_tck, tracts_tsf,
     format::{TRACT_FORMATS, TractFormat, is_dsi_studio, volume_format},
 };
-use crate::{Progress, Samples, Scaling, Volume, check::listed, with_samples};
+use crate::{Check, Progress, Samples, Scaling, TractScalar, Volume, check::listed, with_samples};
 
 /// Reads one frame of an image or mask in any of [`super::format::VOLUME_FORMATS`]. NIfTI: `.nii`, `.nii.gz` and
 /// `.hdr`/`.img` pairs, each file gzipped or not, named by either half. gzip is recognised by content, not by name.
@@ -134,6 +134,31 @@ fn read_stream(stream: Stream<'_>, options: &TractOptions) -> Result<LoadedTract
     read_plain(stream, options)
 }
 
+/// Reads a `.tsf` file, gzipped or not: a scalar of the points of `of`, which were read from a `.tck`. It is called
+/// `name`.
+///
+/// # Errors
+/// [`FileError::Wrong`] for any defect of the file, and where it hasn't a value for each point of each fibre; memory is
+/// bounded as for [`read_tracts`]. [`FileError::Cancelled`] when `progress` is cancelled.
+pub fn read_tract_scalar(
+    source: &Source,
+    name: &str,
+    of: &LoadedTracts,
+    options: &TractOptions,
+    progress: &Progress,
+) -> Result<(TractScalar, Vec<Check>), FileError> {
+    let stream = match source {
+        Source::File(path) | Source::Part(Part { path, .. }) => Stream::open(path, progress)?,
+        Source::Embedded { name, bytes } => Stream::of_bytes(name, bytes, progress)?,
+    };
+    if stream.is_gzip() {
+        let file = stream.file().to_owned();
+        let bytes = stream.inflate(options.max_bytes)?;
+        return tracts_tsf::read(Stream::of_bytes(&file, &bytes, progress)?, name.to_owned(), of, options);
+    }
+    tracts_tsf::read(stream, name.to_owned(), of, options)
+}
+
 fn read_plain(mut stream: Stream<'_>, options: &TractOptions) -> Result<LoadedTracts, FileError> {
     let each = TRACT_FORMATS.iter().map(|format| {
         let magic = String::from_utf8_lossy(format.magic);
@@ -164,6 +189,10 @@ fn read_plain(mut stream: Stream<'_>, options: &TractOptions) -> Result<LoadedTr
         if head == format.magic {
             return (format.read)(stream);
         }
+    }
+    if tracts_tsf::MAGIC.starts_with(&head) && head.len() == tracts_tck::MAGIC.len() {
+        let expected = "tracts; --tracts FILE.tck before it says whose scalars these are";
+        return Err(wrong(&stream, "scalars of fibres (.tsf)", expected));
     }
     if head.is_empty() {
         return Err(stream.ends_early(&expected));

@@ -11,8 +11,8 @@ const MAX_COORDINATE_MM: f64 = 1e7;
 /// Limits on reading tracts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TractOptions {
-    /// Maximum size of a file in bytes. Points take at most as much memory as the file has bytes; the fibre offsets
-    /// add a third for fibres of one point.
+    /// Maximum size of a file in bytes. Points and their scalars take at most as much memory as the file has bytes; the
+    /// fibre offsets add a third for fibres of one point.
     pub max_bytes: u64,
 }
 
@@ -27,6 +27,8 @@ impl Default for TractOptions {
 pub struct LoadedTracts {
     /// Its fibres.
     pub tracts: Tracts,
+    /// When the fibres were made, as a `.tck` states it.
+    pub timestamp: Option<String>,
     /// Findings.
     pub checks: Vec<Check>,
 }

@@ -13,19 +13,32 @@ pub(super) const MAGIC: &[u8; 13] = b"mrtrix tracks";
 /// Maximum header size in bytes: real headers keep their command history, some kilobytes.
 const MAX_HEADER_BYTES: usize = 1 << 20;
 
-/// Number format of the triples.
+/// Number format of the values.
 #[derive(Clone, Copy)]
-struct Numbers {
+pub(super) struct Numbers {
     order: ByteOrder,
-    bytes: usize,
+    pub(super) bytes: usize,
 }
 
-struct Header {
-    numbers: Numbers,
+/// The header of a `.tck` or of a `.tsf`, which has the same form.
+pub(super) struct Header {
+    pub(super) numbers: Numbers,
     /// The numbers of fibres declared: of several, as tools append that write into a copied header, any may be right.
-    counts: Vec<u64>,
-    offset: u64,
-    checks: Vec<Check>,
+    pub(super) counts: Vec<u64>,
+    pub(super) offset: u64,
+    /// When the fibres were made: a `.tsf` repeats that of its `.tck`.
+    pub(super) timestamp: Option<String>,
+    pub(super) checks: Vec<Check>,
+}
+
+impl Header {
+    /// A finding where no declared count is that of the `fibers` in the file. Some writers count fibres without points,
+    /// others don't.
+    pub(super) fn count_check(&self, name: &str, fibers: u64, empty: u64) -> Option<Check> {
+        let is_right = |&c: &u64| c == fibers || c == fibers - empty;
+        let count = *self.counts.last()?;
+        (!self.counts.iter().any(is_right)).then(|| count_check(name, count, fibers))
+    }
 }
 
 /// Reads the file from after [`MAGIC`].
@@ -36,18 +49,15 @@ pub(super) fn read(mut stream: Stream<'_>) -> Result<LoadedTracts, FileError> {
     let (builder, unread) = fibers(&mut stream, header.numbers, &file)?;
 
     let name = base_name(&file);
-    let mut checks = header.checks;
     let total = builder.fibers() as u64;
     let tracts = builder.finish(Sides::Known, &file)?;
     let empty = tracts.offsets().windows(2).filter(|o| o[0] == o[1]).count() as u64;
-    // Some writers count fibres without points, others don't.
-    let is_right = |&c: &u64| c == total || c == total - empty;
-    if let Some(&count) = header.counts.last().filter(|_| !header.counts.iter().any(is_right)) {
-        checks.push(count_check(&name, count, total));
-    }
+    let count_check = header.count_check(&name, total, empty);
+    let mut checks = header.checks;
+    checks.extend(count_check);
     stream.unread(unread);
     check_trailing(stream, &name, &mut checks)?;
-    Ok(LoadedTracts { tracts, checks })
+    Ok(LoadedTracts { tracts, timestamp: header.timestamp, checks })
 }
 
 /// All fibres up to the end marker, and the number of bytes read beyond it.
@@ -79,11 +89,12 @@ fn fibers(stream: &mut Stream<'_>, numbers: Numbers, file: &str) -> Result<(Fibe
 }
 
 impl Numbers {
-    fn get(self, triple: &[u8], axis: usize) -> f64 {
+    /// The number at position `n` of `bytes`.
+    pub(super) fn get(self, bytes: &[u8], n: usize) -> f64 {
         if self.bytes == 4 {
-            return f32_at(triple, 4 * axis, self.order);
+            return f32_at(bytes, 4 * n, self.order);
         }
-        let eight = triple.get(8 * axis..).and_then(|b| b.first_chunk()).copied().unwrap_or_default();
+        let eight = bytes.get(8 * n..).and_then(|b| b.first_chunk()).copied().unwrap_or_default();
         match self.order {
             ByteOrder::Little => f64::from_le_bytes(eight),
             ByteOrder::Big => f64::from_be_bytes(eight),
@@ -105,7 +116,7 @@ fn header_text(stream: &mut Stream<'_>, file: &str) -> Result<String, FileError>
         }
         if text.len() == MAX_HEADER_BYTES {
             let found = format!("no line END within {MAX_HEADER_BYTES} bytes");
-            return Err(FileError::wrong(file, found, "the end of a .tck's header"));
+            return Err(FileError::wrong(file, found, "the end of an MRtrix header"));
         }
         text.push(b);
     }
@@ -116,7 +127,8 @@ fn excerpt(text: &str) -> String {
     printable(&text.chars().take(60).collect::<String>())
 }
 
-fn header(stream: &mut Stream<'_>, file: &str) -> Result<Header, FileError> {
+/// The header after the magic.
+pub(super) fn header(stream: &mut Stream<'_>, file: &str) -> Result<Header, FileError> {
     let text = header_text(stream, file)?;
     let header_end = stream.position();
     let values = |key: &str| -> Vec<&str> {
@@ -169,5 +181,6 @@ fn header(stream: &mut Stream<'_>, file: &str) -> Result<Header, FileError> {
         count.parse().map_err(|_| FileError::wrong(file, format!("count: {}", excerpt(count)), form))
     };
     let counts = written.iter().map(parse).collect::<Result<_, _>>()?;
-    Ok(Header { numbers, counts, offset, checks })
+    let timestamp = values("timestamp").last().map(|&value| value.to_owned());
+    Ok(Header { numbers, counts, offset, timestamp, checks })
 }

@@ -5,25 +5,37 @@
 //! Points are in "voxelmm": voxel size times voxels, from the *corner* of the first voxel, along the axes that
 //! `voxel_order` names. So a point p is at voxel `p / voxel_size - 1/2` (centres at whole numbers) in that order.
 //! `vox_to_ras` maps voxels in an order of its own to RAS+: where the two orders differ, axes are permuted and flipped
-//! first. Scalars and properties are skipped.
+//! first.
+//!
+//! The header names up to ten scalars of points and ten properties of fibres, 20 bytes each. nibabel writes data of
+//! several columns under one name, followed by a zero and the number of columns.
 
 use glam::{DAffine3, DMat3, DVec3};
 
-use super::FileError;
+use super::{FileError, printable};
 use super::bounded_gzip::{CHUNK_BYTES, Stream};
 use super::nifti_header::ByteOrder;
 use super::tracts::{FiberBuilder, LoadedTracts, base_name, check_trailing, count_check, f32_at};
-use crate::{Check, Grid, Sides};
+use crate::{Check, Grid, ScalarPer, Sides, TractScalar};
 
 /// First bytes of a file.
 pub(super) const MAGIC: &[u8; 5] = b"TRACK";
 
 const HEADER_BYTES: usize = 1000;
+/// Bytes of a name of a scalar or a property, and how many names a header has room for.
+const NAME_BYTES: usize = 20;
+const NAMES: usize = 10;
+/// The most scalars and properties read; more are left out, with a finding.
+const MOST_SCALARS: usize = 64;
 
 struct Header {
     order: ByteOrder,
+    /// Numbers of values of a point besides its place, and of a fibre.
     scalars: usize,
     properties: usize,
+    /// The names of those that are read.
+    scalar_names: Vec<String>,
+    property_names: Vec<String>,
     /// Number of fibres; 0: not declared.
     count: u64,
     ras_from_voxelmm: DAffine3,
@@ -38,11 +50,22 @@ pub(super) fn read(mut stream: Stream<'_>) -> Result<LoadedTracts, FileError> {
     let (first, rest) = bytes.split_at_mut(MAGIC.len());
     first.copy_from_slice(MAGIC);
     stream.fill_all(rest, "the 1000 bytes of a .trk's header")?;
-    let Header { order, scalars, properties, count, ras_from_voxelmm, sides, mut checks } =
-        header(&bytes, &file)?;
+    let Header {
+        order,
+        scalars,
+        properties,
+        scalar_names,
+        property_names,
+        count,
+        ras_from_voxelmm,
+        sides,
+        mut checks,
+    } = header(&bytes, &file)?;
 
     let record = 4 * (3 + scalars);
     let mut builder = FiberBuilder::with_capacity(stream.remaining() / record as u64, &file)?;
+    let mut point_values: Vec<Vec<f32>> = vec![Vec::new(); scalar_names.len()];
+    let mut fiber_values: Vec<Vec<f32>> = vec![Vec::new(); property_names.len()];
     let mut buffer = vec![0; CHUNK_BYTES / record * record];
     let mut extra = vec![0; 4 * properties];
     while stream.remaining() > 0 && (count == 0 || (builder.fibers() as u64) < count) {
@@ -63,10 +86,12 @@ pub(super) fn read(mut stream: Stream<'_>) -> Result<LoadedTracts, FileError> {
             for point in buffer[..part].chunks_exact(record) {
                 let p = DVec3::from_array([0, 4, 8].map(|at| f32_at(point, at, order)));
                 builder.push(ras_from_voxelmm.transform_point3(p).to_array(), &file)?;
+                take_values(&mut point_values, &point[12..], order);
             }
             bytes -= part as u64;
         }
         stream.fill_all(&mut extra, "the properties of a fibre")?;
+        take_values(&mut fiber_values, &extra, order);
         builder.end_fiber();
     }
 
@@ -75,9 +100,48 @@ pub(super) fn read(mut stream: Stream<'_>) -> Result<LoadedTracts, FileError> {
     if count > fibers {
         checks.push(count_check(&name, count, fibers));
     }
-    let tracts = builder.finish(sides, &file)?;
+    let of = |names: Vec<String>, per, values: Vec<Vec<f32>>| {
+        names.into_iter().zip(values).map(move |(name, values)| TractScalar::new(name, per, values))
+    };
+    let scalars = of(scalar_names, ScalarPer::Point, point_values);
+    let scalars = scalars.chain(of(property_names, ScalarPer::Fiber, fiber_values)).collect();
+    let tracts = builder.finish(sides, &file)?.with_scalars(scalars);
+    let tracts = tracts
+        .ok_or_else(|| FileError::wrong(&file, "scalars that don't fit their points", "one for each point"))?;
     check_trailing(stream, &name, &mut checks)?;
-    Ok(LoadedTracts { tracts, checks })
+    Ok(LoadedTracts { tracts, timestamp: None, checks })
+}
+
+/// Adds the values of a point or a fibre, one to each list; further ones aren't read.
+fn take_values(lists: &mut [Vec<f32>], bytes: &[u8], order: ByteOrder) {
+    for (n, list) in lists.iter_mut().enumerate() {
+        list.push(f32_at(bytes, 4 * n, order) as f32);
+    }
+}
+
+/// Names of the first `count` values, at most [`MOST_SCALARS`], from a header's `fields`: `kind` with a number where a
+/// field says none.
+fn names(fields: &[u8], count: usize, kind: &str) -> Vec<String> {
+    let mut names: Vec<String> = Vec::new();
+    let most = count.min(MOST_SCALARS);
+    for field in fields.chunks_exact(NAME_BYTES).take(NAMES) {
+        let mut parts = field.split(|&b| b == 0);
+        let text = String::from_utf8_lossy(parts.next().unwrap_or_default());
+        let name = printable(text.trim());
+        if name.is_empty() {
+            break;
+        }
+        let columns = parts.next().and_then(|digits| std::str::from_utf8(digits).ok()?.parse().ok());
+        let columns: usize = columns.unwrap_or(1).clamp(1, MOST_SCALARS);
+        match columns {
+            1 => names.push(name),
+            _ => names.extend((1..=columns).map(|column| format!("{name} {column}"))),
+        }
+    }
+    names.truncate(most);
+    let named = names.len();
+    names.extend((named..most).map(|n| format!("{kind} {}", n + 1)));
+    names
 }
 
 fn i32_at(bytes: &[u8], at: usize, order: ByteOrder) -> i32 {
@@ -114,6 +178,8 @@ fn header(bytes: &[u8; HEADER_BYTES], file: &str) -> Result<Header, FileError> {
         usize::try_from(n).map_err(|_| wrong(format!("{n} {what}"), "0 or more"))
     };
     let (scalars, properties) = (count_at(36, "scalars a point")?, count_at(238, "properties a fibre")?);
+    let scalar_names = names(&bytes[38..][..NAMES * NAME_BYTES], scalars, "scalar");
+    let property_names = names(&bytes[240..][..NAMES * NAME_BYTES], properties, "property");
     let count = i32_at(bytes, 988, order);
     let count = u64::try_from(count).map_err(|_| wrong(format!("{count} fibres"), "0 or more"))?;
     let sizes = DVec3::from_array([12, 16, 20].map(|at| f32_at(bytes, at, order)));
@@ -125,6 +191,14 @@ fn header(bytes: &[u8; HEADER_BYTES], file: &str) -> Result<Header, FileError> {
 
     let name = base_name(file);
     let mut checks = Vec::new();
+    for (found, kind) in [(scalars, "scalars a point"), (properties, "properties a fibre")] {
+        if found > MOST_SCALARS {
+            let text = format!(
+                "{name}: found {found} {kind}, expected at most {MOST_SCALARS}; the others are not read"
+            );
+            checks.push(Check::warning("tracts-scalars-left-out", text));
+        }
+    }
     if version > 2 {
         checks.push(Check::warning(
             "tracts-version",
@@ -167,7 +241,17 @@ fn header(bytes: &[u8; HEADER_BYTES], file: &str) -> Result<Header, FileError> {
     let voxel_from_voxelmm =
         DAffine3 { matrix3: DMat3::from_diagonal(sizes.recip()), translation: DVec3::splat(-0.5) };
     let ras_from_voxelmm = ras_from_voxel * reordered * voxel_from_voxelmm;
-    Ok(Header { order, scalars, properties, count, ras_from_voxelmm, sides, checks })
+    Ok(Header {
+        order,
+        scalars,
+        properties,
+        scalar_names,
+        property_names,
+        count,
+        ras_from_voxelmm,
+        sides,
+        checks,
+    })
 }
 
 /// An anatomical axis (0 R–L, 1 A–P, 2 S–I) and whether it runs towards R, A or S.

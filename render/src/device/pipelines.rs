@@ -4,6 +4,8 @@ use super::{error::RenderError, gpu::Gpu};
 
 /// Format of a raster pass's colour target: two integers per sample, which a later pass shades.
 pub(crate) const PICTURE_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rg32Uint;
+/// Its format where the shader's constant `located` is true: four integers per sample.
+pub(crate) const LOCATED_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Uint;
 /// Format of its depth buffer.
 pub(crate) const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
@@ -52,24 +54,37 @@ pub(crate) fn compute_pipeline(
     }))
 }
 
-/// A raster pipeline of shader file `name`, whose entry points are `main` (vertices) and `shade` (fragments).
-/// `one_sided` culls triangles whose corners appear anticlockwise.
+/// A raster pass's shader file, and what its pipeline is made with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct RasterShader {
+    pub file: &'static str,
+    /// Culls triangles whose corners appear anticlockwise.
+    pub one_sided: bool,
+    /// Sets the constant `located`; the picture then has [`LOCATED_FORMAT`].
+    pub located: bool,
+}
+
+/// A raster pipeline, whose entry points are `main` (vertices) and `shade` (fragments).
 ///
 /// # Errors
 /// [`RenderError::Shader`] for a file that doesn't compose.
 pub(crate) fn raster_pipeline(
     gpu: &Gpu,
-    name: &str,
-    one_sided: bool,
+    shader: RasterShader,
 ) -> Result<wgpu::RenderPipeline, RenderError> {
+    let RasterShader { file: name, one_sided, located } = shader;
     let module = shader_module(gpu, name)?;
+    let constants: &[(&str, f64)] = if located { &[("located", 1.0)] } else { &[] };
+    let options =
+        || wgpu::PipelineCompilationOptions { constants, ..wgpu::PipelineCompilationOptions::default() };
+    let format = if located { LOCATED_FORMAT } else { PICTURE_FORMAT };
     Ok(gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some(name),
         layout: None,
         vertex: wgpu::VertexState {
             module: &module,
             entry_point: Some("main"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            compilation_options: options(),
             buffers: &[],
         },
         primitive: wgpu::PrimitiveState {
@@ -88,8 +103,8 @@ pub(crate) fn raster_pipeline(
         fragment: Some(wgpu::FragmentState {
             module: &module,
             entry_point: Some("shade"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            targets: &[Some(PICTURE_FORMAT.into())],
+            compilation_options: options(),
+            targets: &[Some(format.into())],
         }),
         multiview_mask: None,
         cache: None,

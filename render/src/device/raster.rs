@@ -1,9 +1,9 @@
-//! Render targets of a raster pass. It writes no colours but two integers per sample, which a later pass shades.
+//! Render targets of a raster pass. It writes no colours but two or four integers per sample, which a later pass shades.
 
 use super::{
     error::RenderError,
     gpu::Gpu,
-    pipelines::{DEPTH_FORMAT, PICTURE_FORMAT},
+    pipelines::{DEPTH_FORMAT, LOCATED_FORMAT, PICTURE_FORMAT},
 };
 
 /// Targets with `samples` squared samples per pixel; one texel where nothing is drawn.
@@ -18,7 +18,8 @@ pub(crate) struct RasterTargets {
 
 impl RasterTargets {
     /// The held targets if they have `size` (`None`: nothing is drawn), else new ones. `most_samples` along each
-    /// side of a pixel, or one where the device supports no texture of that size.
+    /// side of a pixel, or one where the device supports no texture of that size; with `located` (always the same of
+    /// those held), the picture has four integers per sample.
     ///
     /// # Errors
     /// [`RenderError::Device`] with the driver's message.
@@ -26,16 +27,21 @@ impl RasterTargets {
         held: &mut Option<Self>,
         gpu: &Gpu,
         size: Option<[u32; 2]>,
-        most_samples: u32,
+        (most_samples, located): (u32, bool),
     ) -> Result<Self, RenderError> {
         let targets = match held.take().filter(|h| h.size == size) {
             Some(targets) => targets,
-            None => Self::new(gpu, size, most_samples)?,
+            None => Self::new(gpu, size, most_samples, located)?,
         };
         Ok(held.insert(targets).clone())
     }
 
-    fn new(gpu: &Gpu, size: Option<[u32; 2]>, most_samples: u32) -> Result<Self, RenderError> {
+    fn new(
+        gpu: &Gpu,
+        size: Option<[u32; 2]>,
+        most_samples: u32,
+        located: bool,
+    ) -> Result<Self, RenderError> {
         let [width, height] = size.unwrap_or([1; 2]);
         let largest = gpu.device.limits().max_texture_dimension_2d;
         let fits = size.is_some() && width.max(height) <= largest / most_samples;
@@ -59,9 +65,10 @@ impl RasterTargets {
                 .create_view(&wgpu::TextureViewDescriptor::default())
         };
         let read = wgpu::TextureUsages::TEXTURE_BINDING;
+        let picture_format = if located { LOCATED_FORMAT } else { PICTURE_FORMAT };
         let targets = Self {
             samples,
-            picture: view("RasterTargets::picture", PICTURE_FORMAT, read),
+            picture: view("RasterTargets::picture", picture_format, read),
             depths: view("RasterTargets::depths", DEPTH_FORMAT, wgpu::TextureUsages::empty()),
             size,
         };

@@ -7,7 +7,7 @@ use super::{
     error::RenderError,
     gpu::Gpu,
     pass::PassName,
-    pipelines::{compute_pipeline, raster_pipeline},
+    pipelines::{RasterShader, compute_pipeline, raster_pipeline},
 };
 
 /// Where pass times come from.
@@ -100,7 +100,7 @@ struct Compiled {
 /// Pipelines of a renderer's passes, and the passes bound for this frame in the order they run.
 pub(crate) struct PassRunner {
     compute: Vec<Compiled>,
-    raster: Vec<(&'static str, wgpu::RenderPipeline)>,
+    raster: Vec<(RasterShader, wgpu::RenderPipeline)>,
     bound: Vec<Bound>,
     timer: Option<Timer>,
     parts: Parts,
@@ -212,8 +212,7 @@ impl PassRunner {
         Ok(pipeline)
     }
 
-    /// As [`PassRunner::bind`] for a raster pass: shader file, and whether triangles are one-sided (see
-    /// [`raster_pipeline`]).
+    /// As [`PassRunner::bind`] for a raster pass.
     ///
     /// # Errors
     /// [`RenderError::Shader`] for a file that doesn't compose.
@@ -221,16 +220,16 @@ impl PassRunner {
         &mut self,
         gpu: &Gpu,
         pass: PassName,
-        (file, one_sided): (&'static str, bool),
+        shader: RasterShader,
         entries: &[(u32, wgpu::BindingResource<'_>)],
         drawing: Drawing,
     ) -> Result<(), RenderError> {
-        let compiled = self.raster.iter().find(|(compiled_file, _)| *compiled_file == file);
+        let compiled = self.raster.iter().find(|(compiled, _)| *compiled == shader);
         let pipeline = match compiled {
             Some((_, pipeline)) => pipeline.clone(),
             None => {
-                let pipeline = raster_pipeline(gpu, file, one_sided)?;
-                self.raster.push((file, pipeline.clone()));
+                let pipeline = raster_pipeline(gpu, shader)?;
+                self.raster.push((shader, pipeline.clone()));
                 pipeline
             }
         };

@@ -10,7 +10,7 @@ use crate::{
         view::SliceView,
         window::Window,
     },
-    scene::{Rgb, keywords::keywords},
+    scene::{ColorMap, Rgb, keywords::keywords},
 };
 
 /// Side of the checkerboard's squares in millimetres.
@@ -21,22 +21,6 @@ const EDGE_SHARE: f64 = 0.12;
 const NOTHING: u16 = 256;
 
 keywords! {
-    /// Colours of an image's values, from the window's low end to its high end.
-    #[derive(Default)]
-    pub enum ColorMap {
-        /// Black, red, yellow, white.
-        #[default]
-        Hot,
-        /// Black, violet, orange, light yellow: equal steps look equal.
-        Inferno,
-        /// Violet, green, yellow: equal steps look equal, also for colour-blind viewers.
-        Viridis,
-        /// Black to white.
-        Grey,
-        /// White to black, as PET is often read.
-        InvertedGrey,
-    }
-
     /// How two images share a slice.
     #[derive(Default)]
     pub enum Mixing {
@@ -49,26 +33,6 @@ keywords! {
         Swipe,
         /// The edges of the second one over the first.
         Edges,
-    }
-}
-
-impl ColorMap {
-    /// Colour at `share` of the window, 0 to 1.
-    pub fn color(self, share: f64) -> Rgb {
-        let share = share.clamp(0.0, 1.0);
-        let byte = |value: f64| (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
-        let of = |gradient: colorous::Gradient| {
-            let colorous::Color { r, g, b } = gradient.eval_continuous(share);
-            [r, g, b]
-        };
-        match self {
-            // Three ramps one after the other, as in MATLAB's `hot`.
-            Self::Hot => [share * 8.0 / 3.0, share * 8.0 / 3.0 - 1.0, share * 4.0 - 3.0].map(byte),
-            Self::Inferno => of(colorous::INFERNO),
-            Self::Viridis => of(colorous::VIRIDIS),
-            Self::Grey => [byte(share); 3],
-            Self::InvertedGrey => [byte(1.0 - share); 3],
-        }
     }
 }
 
@@ -112,7 +76,7 @@ pub(super) fn draw_second(view: &SliceView, layer: &SecondLayer<'_>, outside: Rg
         });
         values
     });
-    let table: Vec<Rgb> = (0..256).map(|n| layer.map.color(f64::from(n) / 255.0)).collect();
+    let table = layer.map.table();
     let opaque = |value: u16| table.get(usize::from(value)).copied().unwrap_or(outside);
     let draw = |pick: &dyn Fn(usize) -> bool, line: &mut [u8], values: &[u16]| {
         for (x, (pixel, &value)) in line.chunks_exact_mut(4).zip(values).enumerate() {

@@ -16,7 +16,7 @@ mod window;
 
 pub use context::{PreparedContext, Readout, readout};
 pub use draw::{ContextLayer, MaskLayer, Overlay, SliceImage, SliceLayers, SliceStyle, render_slice};
-pub use fusion::{ColorMap, Mixing, SecondLayer};
+pub use fusion::{Mixing, SecondLayer};
 pub use outline::OutlinePattern;
 pub use view::{Convention, Plane, ScaleBar, SliceView, place_label};
 pub use window::{Histogram, Preset, Window};

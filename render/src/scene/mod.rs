@@ -1,6 +1,7 @@
 //! The scenes that views draw, and at which quality: regions, lens, colours, a slice, quality settings, and the plan of
 //! passes. Uses no graphics device.
 
+pub mod color_map;
 pub(crate) mod keywords;
 pub mod lens;
 pub mod palette;
@@ -11,6 +12,7 @@ pub mod regions;
 
 use std::sync::Arc;
 
+pub use color_map::ColorMap;
 pub use lens::Lens;
 pub use palette::{Coloring, MaskColors, Palette, Rgb, agreement_color};
 pub use plan::Plan;

@@ -1,7 +1,8 @@
 // Fibre tracts as chains of capsules: one instance per point, which begins a segment (or is a ball, where
 // its fibre has no other point). A rectangle around each is drawn, and its fragments are intersected with
 // the capsule in closed form. Writes not a colour but the fibre's number with the facing ratio (cosine
-// between normal and line of sight), and the depth.
+// between normal and line of sight), and the depth; where fibres are coloured by values also which point the
+// segment begins with, and how far along it the pixel is.
 #include lib/view
 #include lib/tubes
 
@@ -29,12 +30,15 @@ const ALONE = 0x2000000u;
 @group(0) @binding(27) var<storage, read> points: array<TubePoint>;
 @group(0) @binding(28) var<storage, read> fibers: array<Fiber>;
 
+override located: bool = false;
+
 struct Corner {
     @builtin(position) clip: vec4<f32>,
     @location(0) @interpolate(flat) a: vec3<f32>,       // camera space
     @location(1) @interpolate(flat) b: vec3<f32>,
     @location(2) @interpolate(flat) radius: f32,
     @location(3) @interpolate(flat) number: u32,
+    @location(4) @interpolate(flat) point: u32,
 }
 
 fn in_camera(p: vec3<f32>) -> vec3<f32> {
@@ -73,7 +77,7 @@ fn is_aside(a: vec3<f32>, b: vec3<f32>, radius: f32) -> bool {
 fn main(@builtin(vertex_index) corner: u32, @builtin(instance_index) at: u32) -> Corner {
     zero = corner >> 31u;
     let begin = points[at];
-    let nowhere = Corner(vec4<f32>(2.0, 2.0, 0.0, 1.0), vec3<f32>(0.0), vec3<f32>(0.0), 0.0, 0u);
+    let nowhere = Corner(vec4<f32>(2.0, 2.0, 0.0, 1.0), vec3<f32>(0.0), vec3<f32>(0.0), 0.0, 0u, 0u);
     if (begin.what & LAST) != 0u {
         return nowhere;
     }
@@ -115,11 +119,11 @@ fn main(@builtin(vertex_index) corner: u32, @builtin(instance_index) at: u32) ->
     }
     let place = vec2<f32>(select(low.x, high.x, (corner & 1u) != 0u), select(low.y, high.y, corner > 1u));
     let px = place.x * along + place.y * vec2<f32>(-along.y, along.x);
-    return Corner(vec4<f32>(2.0 * px / vec2<f32>(view.size), 0.5, 1.0), a, b, radius, number);
+    return Corner(vec4<f32>(2.0 * px / vec2<f32>(view.size), 0.5, 1.0), a, b, radius, number, at);
 }
 
 struct Shade {
-    @location(0) what: vec2<u32>,
+    @location(0) what: vec4<u32>,    // the target has two of them unless pixels are located
     @builtin(frag_depth) depth: f32,
 }
 
@@ -191,6 +195,12 @@ fn shade(corner: Corner) -> Shade {
     }
     let facing = -dot(met.normal, d) / (corner.radius * length(d));
     let light = u32(255.0 * clamp(facing, 0.0, 1.0) + 0.5);
-    let what = (corner.number + 1u) | (light << 24u);
-    return Shade(vec2<u32>(what, bitcast<u32>(depth)), order_of(depth));
+    var what = vec4<u32>((corner.number + 1u) | (light << 24u), bitcast<u32>(depth), 0u, 0u);
+    if located {
+        let h = 0.5 * (corner.b - corner.a);
+        let y = dot(o + met.t * d, h) / max(dot(h, h), 1e-20);
+        what.z = corner.point;
+        what.w = bitcast<u32>(0.5 + 0.5 * clamp(y, -1.0, 1.0));
+    }
+    return Shade(what, order_of(depth));
 }

@@ -11,7 +11,7 @@ use glioscope_core::{
     files::{WriteOptions, write_nifti, write_whole},
     glam::{DAffine3, DMat3, DVec3},
 };
-use glioscope_render::flat::{ColorMap, Mixing};
+use glioscope_render::{ColorMap, flat::Mixing};
 use glioscope_tests::{
     Window, count_color, doc, error_text, maximized, pane_picture, perform, sample, wait_for_workers,
     window_with, workstation,

@@ -20,7 +20,7 @@ use rayon::prelude::*;
 
 use super::lit;
 use crate::{
-    ContextRenderer, ContextScene, DrawnTubes, TransferFunction, TubeSet,
+    ContextRenderer, ContextScene, DrawnTubes, TransferFunction, TubeLook, TubeSet, TubeShape,
     light::layers::LAYERS,
     light::preset,
     scene::{LightingMode, MaskColors, Palette, Preset, Quality},
@@ -55,7 +55,8 @@ impl Sheet {
         let points = ends.iter().flatten().map(|p| p.as_vec3().to_array()).collect();
         let offsets = (0..=count).map(|n| 2 * n as u32).collect();
         let tracts = Tracts::new(points, offsets, Sides::Known).unwrap();
-        let set = TubeSet::new(&tracts, [200, 180, 120], RADIUS_MM, &Progress::new()).unwrap();
+        let set = TubeSet::new(&tracts, &TubeShape::default(), &Progress::new()).unwrap();
+        let look = TubeLook { radius_mm: RADIUS_MM, ..TubeLook::of([200, 180, 120]) };
         let grid = Grid::axis_aligned([60, 60, 4], DVec3::ONE, DVec3::new(-29.5, -29.5, -3.5)).unwrap();
         let scene = ContextScene {
             volume: None,
@@ -66,7 +67,7 @@ impl Sheet {
             selection: Selection::all(),
             colors: MaskColors::new(Palette::Thesis, &[None; 1]),
             lens: None,
-            tubes: vec![DrawnTubes { set: Arc::new(set), shown: true }],
+            tubes: vec![DrawnTubes { set: Arc::new(set), look, shown: true }],
             camera: Camera {
                 height_mm: HEIGHT_MM,
                 ..Camera::fit(DVec3::ZERO, 20.0, Camera::orientation(0.0, 90.0), projection)

@@ -14,6 +14,8 @@ pub(super) struct TwinHit {
     pub number: u32,
     /// Cosine between the ray and the surface's normal.
     pub facing: f64,
+    /// Where it is, world millimetres.
+    pub place_mm: DVec3,
 }
 
 fn ball(ray: &Ray, center: DVec3, radius: f64) -> Option<(f64, DVec3)> {
@@ -52,7 +54,8 @@ pub(super) fn tubes_seen(tubes: &[DrawnTubes], camera: &Camera, size: [u32; 2]) 
     };
     let mut capsules = Vec::new();
     let mut number = 0;
-    for set in tubes.iter().filter(|t| t.draws()).map(|t| &t.set) {
+    for drawn in tubes.iter().filter(|t| t.draws()) {
+        let set = &drawn.set;
         for n in 0..set.fiber_count() {
             let points: Vec<DVec3> =
                 set.fiber(n).iter().map(|p| set.origin_mm() + DVec3::from_array(p.map(f64::from))).collect();
@@ -60,7 +63,7 @@ pub(super) fn tubes_seen(tubes: &[DrawnTubes], camera: &Camera, size: [u32; 2]) 
             let alone = (points.len() == 1).then(|| (points[0], points[0]));
             for (a, b) in segments.chain(alone) {
                 let middle = ((a + b) / 2.0 - eye).dot(away);
-                let radius = set.radius_mm().max(LEAST_PX * line_scale * footprint(middle));
+                let radius = drawn.radius_mm().max(LEAST_PX * line_scale * footprint(middle));
                 capsules.push((a, b, radius, number));
             }
             number += 1;
@@ -83,7 +86,8 @@ pub(super) fn tubes_seen(tubes: &[DrawnTubes], camera: &Camera, size: [u32; 2]) 
                 };
                 let depth_mm = t * slant;
                 if best.is_none_or(|b| depth_mm < b.depth_mm) {
-                    best = Some(TwinHit { depth_mm, number, facing: -normal.dot(ray.direction) });
+                    let place_mm = ray.origin_mm + t * ray.direction;
+                    best = Some(TwinHit { depth_mm, number, facing: -normal.dot(ray.direction), place_mm });
                 }
             }
             best

@@ -14,7 +14,7 @@ use super::{
     uniforms,
 };
 use crate::{
-    device::{Gpu, RenderError, raster::RasterTargets, runner::Drawing},
+    device::{Gpu, RenderError, pipelines::RasterShader, raster::RasterTargets, runner::Drawing},
     image::CONTEXT,
     light::{
         self,
@@ -304,7 +304,7 @@ impl Change {
         let merged = draw.plan.has(ARROWS_MERGE).then_some(size);
         Ok(ArrowPart {
             vectors,
-            targets: RasterTargets::reuse(&mut self.arrow_targets, gpu, drawn, 2)?,
+            targets: RasterTargets::reuse(&mut self.arrow_targets, gpu, drawn, (2, false))?,
             opaque: OpaqueTargets::reuse(&mut self.opaque_targets, gpu, merged)?,
         })
     }
@@ -365,7 +365,8 @@ impl Change {
                 index_count: self.triangle_corners,
                 instances: part.vectors.len() as u32,
             };
-            draw.passes.bind_raster(gpu, ARROWS, ("change/arrows", true), &entries, drawing)?;
+            let shader = RasterShader { file: "change/arrows", one_sided: true, located: false };
+            draw.passes.bind_raster(gpu, ARROWS, shader, &entries, drawing)?;
         }
         if let Some(opaque) = part.opaque.as_ref().filter(|_| draw.plan.has(ARROWS_MERGE)) {
             let entries = [

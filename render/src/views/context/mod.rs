@@ -3,7 +3,7 @@
 //!
 //! Lifetimes: an image's values once per `Arc` (4 bytes per voxel on the device); tables (40 KB, and a bit per brick)
 //! once per transfer function; the tumour's bricks once per `Arc`; fibre tracts once per list of those shown (16 bytes
-//! per point); with tracts 16 bytes per pixel more.
+//! per point); with tracts 16 bytes per pixel more. Tracts coloured by values: 4 bytes per point and 8 per pixel more.
 
 mod march;
 mod projection;
@@ -31,7 +31,7 @@ pub(crate) use scene::{around_light, no_image};
 use projection::{PROJECTION, ProjectionPart};
 
 use crate::{
-    device::{Gpu, RenderError},
+    device::{Gpu, RenderError, pipelines::RasterShader, runner::Shader},
     image::uniforms::Marched,
     light::{
         self,
@@ -159,7 +159,10 @@ impl View3d for Context {
             && let (Some((drawing, entries)), Some(picture)) = (self.tubes.drawing(), self.tubes.picture())
         {
             let entries = [&entries[..], &[(0, draw.view.as_entire_binding())]].concat();
-            draw.passes.bind_raster(gpu, TUBES, ("tubes/draw", false), &entries, drawing)?;
+            let located = self.tubes.has_values();
+            let shader = RasterShader { file: "tubes/draw", one_sided: false, located };
+            draw.passes.bind_raster(gpu, TUBES, shader, &entries, drawing)?;
+            let [values, scales] = self.tubes.values();
             let entries = [
                 (0, draw.view.as_entire_binding()),
                 (4, targets.depths.as_entire_binding()),
@@ -167,8 +170,12 @@ impl View3d for Context {
                 (28, self.tubes.fibers().as_entire_binding()),
                 (29, wgpu::BindingResource::TextureView(picture)),
                 (30, self.tubes.shades().as_entire_binding()),
+                (31, values.as_entire_binding()),
+                (32, scales.as_entire_binding()),
             ];
-            draw.passes.bind(gpu, TUBES_MERGE, "tubes/merge", &entries, workgroups)?;
+            let constants: &[_] = if located { &[("located", 1.0)] } else { &[] };
+            let shader = Shader { file: "tubes/merge", constants };
+            draw.passes.bind(gpu, TUBES_MERGE, shader, &entries, workgroups)?;
         }
         let lit = LitScene {
             image: self.image.lit(scene, draw.plan),

@@ -107,7 +107,7 @@ impl ContextScene {
 
     /// Corners of boxes around all opaque geometry.
     pub(crate) fn solid_corners_mm(&self) -> Vec<DVec3> {
-        let tubes = self.tubes.iter().filter(|t| t.draws()).filter_map(|t| t.set.bounds_mm());
+        let tubes = self.tubes.iter().filter(|t| t.draws()).filter_map(DrawnTubes::bounds_mm);
         let masks = self.tumor.iter().flat_map(|t| t.grid().corners_mm());
         masks.chain(tubes.flat_map(corners_mm)).collect()
     }

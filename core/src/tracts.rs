@@ -165,7 +165,10 @@ mod tests {
         assert_eq!((along("FA", 2), along("FA 2", 0)), (vec![0.25], vec![7.0, 7.0]));
         assert_eq!((along("FA", 1), along("FA 2", 9)), (vec![], vec![]));
         for short in [ScalarPer::Point, ScalarPer::Fiber] {
-            assert_eq!(tracts.clone().with_scalars(vec![TractScalar::new("x".into(), short, vec![1.0])]), None);
+            assert_eq!(
+                tracts.clone().with_scalars(vec![TractScalar::new("x".into(), short, vec![1.0])]),
+                None
+            );
         }
     }
 

@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 use glam::DVec3;
 use glioscope_render::{
-    ChangeStyle, ClipPlane, ColorMap, LightSettings, LightingMode, MutualOcclusion, Palette, Preset, SliceVariant,
+    ChangeStyle, ClipPlane, ColorMap, LightSettings, LightingMode, MutualOcclusion, Palette, Preset,
+    SliceVariant,
     flat::{Mixing, Overlay},
 };
 
@@ -27,7 +28,11 @@ use super::{
     transform::TransformArguments,
 };
 use crate::{
-    model::{CHANGE_SCALE_MM, slice_axes::AxesOf},
+    model::{
+        CHANGE_SCALE_MM,
+        fibers::{FIBER_DEVIATION, FIBER_RADIUS_MM},
+        slice_axes::AxesOf,
+    },
     report::Identity,
     words::Language,
 };
@@ -309,6 +314,23 @@ pub struct RenderArguments {
     /// coordinate on that side. Repeat for more.
     #[arg(long = "clip", value_name = "SIDE=MM", value_parser = parse::clip)]
     pub clips: Vec<ClipPlane>,
+    /// Colour of fibre tracts: `plain` (one per file), `direction` or the name of a scalar of theirs.
+    #[arg(long = "fibre-colour", alias = "fibre-color", value_name = "plain|direction|SCALAR")]
+    pub fibre_colour: Option<String>,
+    /// Values of the scalar at the ends of its colours; without it its least and greatest.
+    #[arg(long, value_name = "LOW,HIGH", value_parser = parse::low_high, requires = "fibre_colour", allow_hyphen_values = true)]
+    pub fibre_range: Option<[f64; 2]>,
+    /// Colours of the scalar; default: viridis.
+    #[arg(long, value_parser = keyword::<ColorMap>(), requires = "fibre_colour")]
+    pub fibre_map: Option<ColorMap>,
+    /// Half the width of fibre tracts: 0.1 to 3.
+    #[arg(long, value_name = "MM", value_parser = parse::within(FIBER_RADIUS_MM), allow_hyphen_values = true)]
+    pub fibre_radius: Option<f64>,
+    /// Fibre tracts as smooth curves; the largest distance from them as a share of the radius, 0.005 to 0.5: 0.05 if left
+    /// out.
+    #[arg(long, value_name = "SHARE", num_args = 0..=1, require_equals = true, default_missing_value = "0.05",
+          value_parser = parse::within(FIBER_DEVIATION))]
+    pub fibre_smooth: Option<f64>,
     /// Ellipsoids of the components' volume instead of enclosing ones.
     #[arg(long)]
     pub moment: bool,

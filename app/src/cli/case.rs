@@ -67,7 +67,8 @@ pub struct CaseArguments {
     /// The case as masks and images.
     #[command(flatten)]
     pub parts: MaskArguments,
-    /// Fibre tracts in addition to the case's: a .tck or .trk file, gzipped or not. Repeat for more.
+    /// Fibre tracts in addition to the case's: a .tck or .trk file, gzipped or not. Repeat for more. A .tsf has scalars of
+    /// the tracts before it; those beside a .tck with its name are read, too.
     #[arg(long = "tracts", value_name = "FILE")]
     pub tracts: Vec<PathBuf>,
 }

@@ -3,6 +3,8 @@
 use std::{collections::BTreeMap, path::Path};
 
 use glioscope_core::{
+    case::CaseTracts,
+    check,
     files::Inputs,
     optics::{Camera, Projection},
 };
@@ -24,7 +26,10 @@ use super::{
 use crate::{
     command::Workstation,
     error::AppError,
-    model::{ChangeSetting, Document, EllipsoidKind, OverlapMode, PaneId, transfer_file},
+    model::{
+        ChangeSetting, Document, Edit, EllipsoidKind, FiberColor, FiberLook, OverlapMode, PaneId,
+        transfer_file,
+    },
     output,
     views::{closeup, view3d::screen::PassTimes},
     window::{film::Film, offscreen_app::OffscreenApp},
@@ -123,6 +128,7 @@ fn apply_3d(arguments: &RenderArguments, doc: &mut Document, world: &World) -> R
     }
     edit.clips.extend_from_slice(&arguments.clips);
     edit.light = light::light(&arguments.light, &edit.light);
+    apply_fibers(arguments, edit, world)?;
     let look = &mut edit.ellipsoids;
     if arguments.moment {
         look.kind = EllipsoidKind::Moment;
@@ -135,6 +141,42 @@ fn apply_3d(arguments: &RenderArguments, doc: &mut Document, world: &World) -> R
         nav.zooms = PaneId::all().map(|pane| (pane, zoom)).collect();
         nav.camera.height_mm /= zoom;
     }
+    Ok(())
+}
+
+/// Applies the arguments of fibre tracts to all files.
+fn apply_fibers(arguments: &RenderArguments, edit: &mut Edit, world: &World) -> Result<(), AppError> {
+    let all = || world.case().into_iter().flat_map(|case| &case.tracts);
+    let color = match arguments.fibre_colour.as_deref() {
+        None => None,
+        Some("plain") => Some(FiberColor::Plain),
+        Some("direction") => Some(FiberColor::Direction),
+        Some(name) if all().any(|tracts| tracts.tracts.scalar(name).is_some()) => {
+            Some(FiberColor::Scalar(name.to_owned()))
+        }
+        Some(name) => {
+            let own = all().flat_map(|tracts| tracts.tracts.scalars()).map(|scalar| scalar.name().to_owned());
+            let mut names: Vec<String> =
+                ["plain", "direction"].map(str::to_owned).into_iter().chain(own).collect();
+            names.dedup();
+            let expected = format!("one of {}", check::listed(&names, 20));
+            return Err(AppError::wrong("--fibre-colour", name, expected));
+        }
+    };
+    for CaseTracts { id, tracts } in all() {
+        let mut look = edit.tract_look(id);
+        if let Some(color) = &color {
+            look = look.colored_by(color.clone());
+        }
+        if look.scalar(tracts).is_some() {
+            look.range = arguments.fibre_range.or(look.range);
+            look.map = arguments.fibre_map.unwrap_or(look.map);
+        }
+        look.radius_mm = arguments.fibre_radius.unwrap_or(look.radius_mm);
+        look.smooth = arguments.fibre_smooth.or(look.smooth);
+        edit.tract_looks.insert(id.clone(), look);
+    }
+    edit.tract_looks.retain(|_, look| *look != FiberLook::default());
     Ok(())
 }
 

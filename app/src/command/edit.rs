@@ -1,6 +1,6 @@
 //! Commands that change state covered by undo.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use egui::{Key, Modifiers};
 use egui_tiles::Tree;
@@ -21,9 +21,9 @@ use strum::{EnumDiscriminants, EnumIter, VariantArray};
 use super::{Entry, Label, Listed, Menu};
 use crate::{
     model::{
-        AgreementSetting, ChangeSetting, Document, EllipsoidLook, EllipsoidOpacity, Fusion, HiddenRegions,
-        KeyPicture, LesionSetting, OverlapMode, PaneId, Reading, ResponseSetting, Ruler, SecondImage,
-        Shading,
+        AgreementSetting, ChangeSetting, Document, EllipsoidLook, EllipsoidOpacity, FiberLook, Fusion,
+        HiddenRegions, KeyPicture, LesionSetting, OverlapMode, PaneId, Reading, ResponseSetting, Ruler,
+        SecondImage, Shading,
         document::{default_lens, tumor_radius_mm},
         fusion::is_pet,
         layout::{self, Task},
@@ -70,6 +70,8 @@ pub enum EditCommand {
     SetClips(Vec<ClipPlane>),
     ToggleTracts(String),
     ToggleAllTracts,
+    /// Of these ids; others keep theirs.
+    SetTractLooks(BTreeMap<String, FiberLook>),
     SetEllipsoidLook(EllipsoidLook),
     SetEllipsoidOpacities(Vec<EllipsoidOpacity>),
     SetChange(Box<ChangeSetting>),
@@ -211,6 +213,7 @@ impl EditCommand {
             | EditKind::SetTransfer
             | EditKind::SetClips
             | EditKind::ToggleTracts
+            | EditKind::SetTractLooks
             | EditKind::SetEllipsoidLook
             | EditKind::SetEllipsoidOpacities
             | EditKind::SetChange
@@ -280,6 +283,7 @@ impl EditCommand {
             Self::ToggleAllTracts => {
                 Label::new("Show or hide all fibre tracts").detail("In the context view")
             }
+            Self::SetTractLooks(_) => Label::new("Look of fibre tracts"),
             Self::SetEllipsoidLook(_) => Label::new("Look of the ellipsoid diagram"),
             Self::SetEllipsoidOpacities(_) => Label::new("Opacity of an ellipsoid"),
             Self::SetChange(_) => Label::new("Compare dates"),
@@ -343,6 +347,7 @@ impl EditCommand {
             Self::SetFusion(_) => Some("second image"),
             Self::SetTransfer(..) => Some("transfer"),
             Self::SetClips(_) => Some("clips"),
+            Self::SetTractLooks(_) => Some("fibre tracts"),
             Self::SetEllipsoidLook(_) => Some("ellipsoids"),
             Self::SetEllipsoidOpacities(_) => Some("ellipsoid opacity"),
             Self::SetChange(_) => Some("change"),
@@ -456,6 +461,10 @@ impl EditCommand {
                 let ids: BTreeSet<String> =
                     world.case().iter().flat_map(|c| &c.tracts).map(|t| t.id.clone()).collect();
                 edit.hidden_tracts = if ids.is_subset(&edit.hidden_tracts) { BTreeSet::new() } else { ids };
+            }
+            Self::SetTractLooks(looks) => {
+                edit.tract_looks.extend(looks.clone());
+                edit.tract_looks.retain(|_, look| *look != FiberLook::default());
             }
             Self::SetEllipsoidLook(look) => edit.ellipsoids = *look,
             Self::SetEllipsoidOpacities(all) => edit.ellipsoid_opacities.clone_from(all),

@@ -25,6 +25,7 @@ use super::{
     agreement::AgreementSetting,
     change::ChangeSetting,
     ellipsoids::{EllipsoidLook, EllipsoidOpacity},
+    fibers::FiberLook,
     fusion::Fusion,
     hidden::HiddenRegions,
     layout,
@@ -173,6 +174,9 @@ pub struct Edit {
     /// Ids of hidden fibre tracts.
     #[serde(default)]
     pub hidden_tracts: BTreeSet<String>,
+    /// How fibre tracts look, by id; absent ones look as they do to begin with.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub tract_looks: BTreeMap<String, FiberLook>,
     /// How the ellipsoid diagram is drawn.
     #[serde(default)]
     pub ellipsoids: EllipsoidLook,
@@ -207,6 +211,11 @@ pub struct Edit {
 }
 
 impl Edit {
+    /// How the fibre tracts of this id look.
+    pub fn tract_look(&self, id: &str) -> FiberLook {
+        self.tract_looks.get(id).cloned().unwrap_or_default()
+    }
+
     /// Takes over the arrangement of panes. It is saved with the rest, but isn't a deed: undo leaves it alone.
     pub fn arrange_as(&mut self, other: &Self) {
         self.layout.clone_from(&other.layout);
@@ -394,6 +403,7 @@ impl Document {
                 transfers: BTreeMap::new(),
                 clips: Vec::new(),
                 hidden_tracts: BTreeSet::new(),
+                tract_looks: BTreeMap::new(),
                 ellipsoids: EllipsoidLook::default(),
                 ellipsoid_opacities: Vec::new(),
                 light: LightChoice::default(),

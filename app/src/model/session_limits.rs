@@ -12,6 +12,7 @@ use super::{
     agreement::{MOST_COMPARED, PERCENTILE, TOLERANCE_MM},
     change::CHANGE_SCALE_MM,
     document::{CaseRef, Document, Edit, MOST_CAPTION, MOST_PICTURES, Navigation},
+    fibers::{FIBER_DEVIATION, FIBER_RADIUS_MM, FiberColor, FiberLook, MOST_SCALAR_NAME},
     lesions::{LesionSetting, MOST_LESION_EDITS, MOST_LESION_NAME, SMALLEST_ML, WITHIN_MM},
     light::Shading,
     made,
@@ -34,6 +35,8 @@ const PLACE_MM: RangeInclusive<f64> = -1e6..=1e6;
 /// Lengths above 0, millimetres.
 const LENGTH_MM: RangeInclusive<f64> = 1e-6..=1e6;
 const SHARE: RangeInclusive<f64> = 0.0..=1.0;
+/// Scalars along fibres.
+const SCALAR: RangeInclusive<f64> = -1e37..=1e37;
 /// Radii, thresholds and the like, millimetres.
 const EXTENT_MM: RangeInclusive<f64> = 0.0..=1e4;
 
@@ -160,6 +163,8 @@ fn check_edit(edit: &Edit) -> Checked {
         number("length of clip normal", clip.normal.length(), &(1e-9..=2e6))?;
         finite("clip offset_mm", clip.offset_mm)?;
     }
+    count("tract_looks", edit.tract_looks.len(), MOST_ENTRIES)?;
+    edit.tract_looks.values().try_for_each(check_fibers)?;
     let look = &edit.ellipsoids;
     number("ellipsoids opacity", look.opacity, &SHARE)?;
     number("ellipsoids smallest_ml", look.smallest_ml, &(0.0..=1e6))?;
@@ -188,6 +193,18 @@ fn check_edit(edit: &Edit) -> Checked {
     change.full_mm.map_or(Ok(()), |mm| number("change full_mm", mm, &CHANGE_SCALE_MM))?;
     number("change smallest_ml", change.smallest_ml, &SMALLEST_ML)?;
     numbers("change", [change.smooth_mm, change.threshold_mm, change.registration_mm], &EXTENT_MM)
+}
+
+fn check_fibers(look: &FiberLook) -> Checked {
+    number("tract_looks radius_mm", look.radius_mm, &FIBER_RADIUS_MM)?;
+    look.smooth.map_or(Ok(()), |share| number("tract_looks smooth", share, &FIBER_DEVIATION))?;
+    look.range.iter().flatten().try_for_each(|&value| number("tract_looks range", value, &SCALAR))?;
+    match &look.color {
+        FiberColor::Scalar(name) => {
+            count("characters of a scalar's name", name.chars().count(), MOST_SCALAR_NAME)
+        }
+        FiberColor::Plain | FiberColor::Direction => Ok(()),
+    }
 }
 
 fn check_lesions(setting: &LesionSetting) -> Checked {
@@ -368,6 +385,8 @@ mod tests {
             json!([{"name": "", "from_mm": [0, 0, 0], "to_mm": [0, 0, 0], "view": "axial", "time": 0}]);
         edit["clips"] = json!([{"normal": [0, 0, 1], "offset_mm": 0}]);
         edit["ellipsoid_opacities"] = json!([{"time": 0, "neighbors": 6, "number": 0, "opacity": 0}]);
+        edit["tract_looks"] =
+            json!({"x": {"radius_mm": 1, "color": {"scalar": "FA"}, "range": [0, 1], "smooth": 0.1}});
         good["nav"]["zooms"] = json!({"context": 1.0});
         assert_eq!(found_in(&good), "");
         let place = [json!([-1e6, 1e6]), json!([-1.1e6, 1.1e6])];
@@ -423,6 +442,21 @@ mod tests {
             ("/edit/light/shading/relief", "light shading relief", share),
             ("/edit/light/shading/vicinity_mm", "light shading vicinity_mm", mm),
             ("/edit/light/shading/vicinity_samples", "light shading vicinity_samples", vicinity),
+            (
+                "/edit/tract_looks/x/radius_mm",
+                "tract_looks radius_mm",
+                [json!([0.1, 3.0]), json!([0.09, 3.1])],
+            ),
+            (
+                "/edit/tract_looks/x/smooth",
+                "tract_looks smooth",
+                [json!([0.005, 0.5, null]), json!([0.004, 0.6])],
+            ),
+            (
+                "/edit/tract_looks/x/range",
+                "tract_looks range",
+                [json!([[0.0, 1e37], null]), json!([[0.0, 2e37]])],
+            ),
             ("/edit/change/full_mm", "change full_mm", [json!([0.1, 1000.0, null]), json!([0.09, 1001.0])]),
             ("/edit/change/smooth_mm", "change", extent.clone()),
             ("/edit/change/threshold_mm", "change", extent.clone()),

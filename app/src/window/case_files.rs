@@ -288,7 +288,8 @@ impl Row<'_> {
     }
 
     fn role(&self, ui: &mut Ui, file: &mut ProposedFile) {
-        let is_tracts = glioscope_core::files::format::is_tracts(self.file);
+        let is_tracts = glioscope_core::files::format::is_tracts(self.file)
+            || glioscope_core::case::is_tract_scalars(self.file.as_ref());
         let roles: &[Role] = if is_tracts {
             &[Role::Tracts, Role::LeftOut]
         } else {

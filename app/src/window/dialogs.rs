@@ -8,7 +8,10 @@ use std::{
 };
 
 use glioscope_cohort::Collected;
-use glioscope_core::files::format::{self, volume_filter, volume_names};
+use glioscope_core::{
+    case::is_tract_scalars,
+    files::format::{self, volume_filter, volume_names},
+};
 
 use crate::{
     command::{AppCommand, Command},
@@ -279,9 +282,9 @@ fn ends_in(path: &Path, ending: &str) -> bool {
     path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(ending))
 }
 
-/// Whether a dropped file contains fibre tracts, which are added to the open case.
+/// Whether a dropped file contains fibre tracts or scalars of them, which are added to the open case.
 pub fn is_tracts(path: &Path) -> bool {
-    path.file_name().is_some_and(|name| format::is_tracts(&name.to_string_lossy()))
+    path.file_name().is_some_and(|name| format::is_tracts(&name.to_string_lossy())) || is_tract_scalars(path)
 }
 
 #[cfg(test)]
@@ -316,6 +319,7 @@ mod tests {
             case_filter().contains(&"gz")
                 && is_tracts("a.TCK".as_ref())
                 && is_tracts("a.trk.gz".as_ref())
+                && is_tracts("a.fa.tsf".as_ref())
                 && !is_tracts("a.nii".as_ref())
         );
     }

@@ -21,7 +21,7 @@ use crate::{
         AppCommand, Command, Commands, EditCommand, LookCommand, Menu, Workstation, listed, menu::Entry,
     },
     model::{Document, LightChoice, PictureSize, Shading, picture::MAX_WIDTH_PX},
-    views::draw,
+    views::{context::tract_look, draw},
 };
 
 /// Width proposed for pictures: a text column of 8.5 cm in print at 600 dots per inch.
@@ -175,6 +175,13 @@ impl Bar<'_> {
             entry(ui, self.work, &EditCommand::ToggleTracts(tracts.id.clone()).into(), out);
         }
         entry(ui, self.work, &EditCommand::ToggleAllTracts.into(), out);
+        ui.separator();
+        if let (Some(doc), Some(case)) = (&self.work.doc, self.work.world.case()) {
+            let config = MenuConfig::new().close_behavior(PopupCloseBehavior::CloseOnClickOutside);
+            SubMenuButton::new("Look of all fibre tracts").config(config).ui(ui, |ui| {
+                tract_look::controls(ui, &doc.edit, &case.tracts.iter().collect::<Vec<_>>(), out);
+            });
+        }
     }
 
     /// The width of pictures in pixels, for a print of a given size.

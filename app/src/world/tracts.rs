@@ -7,10 +7,13 @@ use glioscope_core::{
     case::{Case, CaseTracts, TimePoint},
     tract_distance::SelectedCells,
 };
-use glioscope_render::{TubeSet, tract_color};
+use glioscope_render::{TubeSet, TubeShape, TubeValues};
 
 use super::jobs::{Ask, Derived, Handle, Lookup};
-use crate::error::AppError;
+use crate::{
+    error::AppError,
+    model::{Edit, FiberColor},
+};
 
 /// Inputs of [`SelectedCells`].
 #[derive(PartialEq)]
@@ -20,10 +23,43 @@ struct CellsKey {
     selection: Selection,
 }
 
+/// What a set of tubes is prepared with besides its tracts.
+#[derive(Clone, Debug, PartialEq)]
+struct Shape {
+    color: FiberColor,
+    smooth_mm: Option<f64>,
+}
+
+/// Inputs of the tube sets.
+#[derive(Clone, PartialEq)]
+struct SetsKey {
+    case: Handle<Case>,
+    /// Of each file of tracts.
+    shapes: Vec<Shape>,
+}
+
+/// Tube sets with what they were prepared with.
+struct Sets {
+    key: SetsKey,
+    sets: Vec<Arc<TubeSet>>,
+}
+
+/// The tube sets of a case.
+#[derive(Default)]
+pub struct TubeSets {
+    /// One per tract file of the case, in their order; those of other looks while others are being prepared, none before
+    /// the first.
+    pub sets: Vec<Arc<TubeSet>>,
+    /// Whether a worker prepares them.
+    pub is_working: bool,
+    /// Why they can't be prepared.
+    pub error: Option<String>,
+}
+
 /// Results derived from a case's fibre tracts.
 #[derive(Default)]
 pub struct TractResult {
-    sets: Derived<Handle<Case>, Vec<Arc<TubeSet>>>,
+    sets: Derived<SetsKey, Sets>,
     /// The selection, prepared for distance queries; `None` where it is empty.
     cells: Derived<CellsKey, Option<SelectedCells>>,
 }
@@ -35,13 +71,32 @@ pub fn is_placed(case: &Case, tracts: &Tracts) -> bool {
 
 impl TractResult {
     /// One tube set per tract file of the case, in their order; empty for files whose position is unknown
-    /// ([`is_placed`]). `None` where the case has no tracts.
-    pub fn sets(&mut self, case: &Arc<Case>, ask: &Ask) -> Option<Lookup<'_, Vec<Arc<TubeSet>>>> {
+    /// ([`is_placed`]). A file whose look needs no other set keeps its own.
+    pub fn sets(&mut self, case: &Arc<Case>, edit: &Edit, ask: &Ask) -> TubeSets {
         if case.tracts.is_empty() {
-            return None;
+            return TubeSets::default();
         }
-        let job_case = case.clone();
-        Some(self.sets.get(Handle::of(case), ask, move |progress| prepare(&job_case, progress)))
+        let shape = |CaseTracts { id, tracts }: &CaseTracts| {
+            let look = edit.tract_look(id);
+            // What has no such scalar has one colour.
+            let has_color = look.scalar(tracts).is_some() || look.color == FiberColor::Direction;
+            let color = if has_color { look.color.clone() } else { FiberColor::Plain };
+            Shape { color, smooth_mm: look.smooth_mm() }
+        };
+        let key = SetsKey { case: Handle::of(case), shapes: case.tracts.iter().map(shape).collect() };
+        let before = self.sets.last().filter(|last| last.key.case == key.case).cloned();
+        let (job_case, job_key, job_before) = (case.clone(), key.clone(), before.clone());
+        let prepare = move |progress: &Progress| prepare(&job_case, job_key, job_before.as_deref(), progress);
+        match self.sets.get(key, ask, prepare) {
+            Lookup::Ready(sets) => TubeSets { sets: sets.sets.clone(), ..TubeSets::default() },
+            Lookup::Working(_) => {
+                let sets = before.map(|before| before.sets.clone()).unwrap_or_default();
+                TubeSets { sets, is_working: true, error: None }
+            }
+            Lookup::Failed(error) => {
+                TubeSets { sets: Vec::new(), is_working: false, error: Some(error.to_string()) }
+            }
+        }
     }
 
     /// The selected voxels of the time point with index `time`, prepared for distance queries; `None` inside the result
@@ -67,13 +122,24 @@ impl TractResult {
     }
 }
 
-fn prepare(case: &Case, progress: &Progress) -> Result<Vec<Arc<TubeSet>>, AppError> {
+fn prepare(case: &Case, key: SetsKey, before: Option<&Sets>, progress: &Progress) -> Result<Sets, AppError> {
     let no_tracts = Tracts::new(Vec::new(), vec![0], Sides::Unknown);
     let mut sets = Vec::new();
-    for (n, CaseTracts { id, tracts }) in case.tracts.iter().enumerate() {
+    for (n, (CaseTracts { id, tracts }, shape)) in case.tracts.iter().zip(&key.shapes).enumerate() {
+        let same = before.filter(|before| before.key.shapes.get(n) == Some(shape));
+        if let Some(set) = same.and_then(|before| before.sets.get(n)) {
+            sets.push(Arc::clone(set));
+            continue;
+        }
         progress.say(format!("preparing {id}"));
         let drawn = no_tracts.as_ref().filter(|_| !is_placed(case, tracts)).unwrap_or(tracts);
-        sets.push(Arc::new(TubeSet::new(drawn, tract_color(n), TubeSet::RADIUS_MM, progress)?));
+        let values = match &shape.color {
+            FiberColor::Plain => TubeValues::Nothing,
+            FiberColor::Direction => TubeValues::Direction,
+            FiberColor::Scalar(name) => tracts.scalar(name).map_or(TubeValues::Nothing, TubeValues::Scalar),
+        };
+        let shape = TubeShape { values, smooth_mm: shape.smooth_mm };
+        sets.push(Arc::new(TubeSet::new(drawn, &shape, progress)?));
     }
-    Ok(sets)
+    Ok(Sets { key, sets })
 }

@@ -8,8 +8,8 @@ use std::{
 };
 
 use super::{
-    Alignment, CaseError, CaseSpec, ContextSpec, MAX_FILES, MaskSpec, Scheme, SchemeGroup,
-    arguments, arguments::Active, names, tracts_id,
+    Alignment, CaseError, CaseSpec, ContextSpec, MAX_FILES, MaskSpec, Scheme, SchemeGroup, arguments,
+    arguments::Active, names, tracts_id,
 };
 use crate::{
     Check,

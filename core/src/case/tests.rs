@@ -207,6 +207,60 @@ fn tracts_load_with_the_case_and_their_checks_name_the_id() {
     assert!(line.starts_with("nowhere.tck: found no such file"), "{line}");
 }
 
+/// Bytes of an MRtrix file: its first line, and numbers.
+fn mrtrix(first: &str, numbers: &[f32]) -> Vec<u8> {
+    let mut bytes = format!("{first}\ndatatype: Float32LE\nfile: . 64\nEND\n").into_bytes();
+    bytes.resize(64, b' ');
+    numbers.iter().for_each(|v| bytes.extend(v.to_le_bytes()));
+    bytes
+}
+
+#[test]
+fn scalars_beside_tracts_are_read_with_them_and_those_named_must_fit() {
+    let folder = tempfile::tempdir().unwrap();
+    let put = |name: &str, bytes: &[u8]| {
+        let path = folder.path().join(name);
+        files::write_whole(&path, bytes).unwrap();
+        path
+    };
+    let (nan, end) = (f32::NAN, f32::INFINITY);
+    let tck = mrtrix("mrtrix tracks", &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, nan, nan, nan, end, end, end]);
+    let scalars = |numbers: &[f32]| mrtrix("mrtrix track scalars", numbers);
+    let cst = put("cst.tck", &tck);
+    let other = put("cst_left.tck", &tck);
+    put("cst.FA.tsf", &scalars(&[0.25, 0.5, nan, end]));
+    put("cst.md.tsf", &scalars(&[0.25, nan, end]));
+    put("cst_left.tsf", &scalars(&[3.0, 4.0, nan, end]));
+    put("other.tsf", &scalars(&[0.0, 0.0, nan, end]));
+    let named = put("cst_T1.tsf", &scalars(&[8.0, 9.0, nan, end]));
+    let mut spec = case_of(vec![], vec![mask("A", "a", None)]);
+    spec.add_tracts(&[cst.clone(), named.clone(), other]);
+    let case = load_plain(&spec, &[]);
+    let names =
+        |n: usize| -> Vec<&str> { case.tracts[n].tracts.scalars().iter().map(|s| s.name()).collect() };
+    assert_eq!((names(0), names(1)), (vec!["FA", "T1"], vec!["cst_left"]));
+    let cst_tracts = &case.tracts[0].tracts;
+    assert_eq!(cst_tracts.values_along(cst_tracts.scalar("T1").unwrap(), 0), [8.0, 9.0]);
+    // One beside them that doesn't fit is left out and named.
+    let unread: Vec<&Check> = case.checks.iter().filter(|c| c.code == "tracts-scalars-unread").collect();
+    let text = &unread[0].message;
+    assert!(
+        unread.len() == 1 && text.contains("cst.md.tsf: found 1 scalars in fibre 0, expected 2"),
+        "{unread:?}"
+    );
+    // They are inputs: no output may replace them.
+    assert!(spec.inputs().refuse_as_output(&named).is_err());
+    assert!(spec.inputs().refuse_as_output(&folder.path().join("cst.FA.tsf")).is_err());
+
+    // One that was named, though beside them, must fit; without tracts it is refused.
+    let mut spec = case_of(vec![], vec![mask("A", "a", None)]);
+    spec.add_tracts(&[cst, folder.path().join("cst.md.tsf")]);
+    assert!(error(&spec).contains("cst.md.tsf: found 1 scalars in fibre 0, expected 2"));
+    let mut spec = case_of(vec![], vec![mask("A", "a", None)]);
+    spec.add_tracts(&[named]);
+    assert!(error(&spec).contains("scalars of fibres (.tsf)"));
+}
+
 #[test]
 fn a_file_named_twice_is_read_once() {
     let reads = AtomicUsize::new(0);

@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 use super::{
     FileError, FileInfo, Loaded, LoadedTracts, Part, ReadOptions, Segment, Source, TractOptions, Which,
     bounded_gzip::Stream,
-    dicom, tracts_tck, tracts_tsf,
+    dicom,
     format::{TRACT_FORMATS, TractFormat, is_dsi_studio, volume_format},
+    tracts_tck, tracts_tsf,
 };
 use crate::{Check, Progress, Samples, Scaling, TractScalar, Volume, check::listed, with_samples};
 

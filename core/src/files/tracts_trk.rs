@@ -12,10 +12,10 @@
 
 use glam::{DAffine3, DMat3, DVec3};
 
-use super::{FileError, printable};
 use super::bounded_gzip::{CHUNK_BYTES, Stream};
 use super::nifti_header::ByteOrder;
 use super::tracts::{FiberBuilder, LoadedTracts, base_name, check_trailing, count_check, f32_at};
+use super::{FileError, printable};
 use crate::{Check, Grid, ScalarPer, Sides, TractScalar};
 
 /// First bytes of a file.
@@ -106,8 +106,9 @@ pub(super) fn read(mut stream: Stream<'_>) -> Result<LoadedTracts, FileError> {
     let scalars = of(scalar_names, ScalarPer::Point, point_values);
     let scalars = scalars.chain(of(property_names, ScalarPer::Fiber, fiber_values)).collect();
     let tracts = builder.finish(sides, &file)?.with_scalars(scalars);
-    let tracts = tracts
-        .ok_or_else(|| FileError::wrong(&file, "scalars that don't fit their points", "one for each point"))?;
+    let tracts = tracts.ok_or_else(|| {
+        FileError::wrong(&file, "scalars that don't fit their points", "one for each point")
+    })?;
     check_trailing(stream, &name, &mut checks)?;
     Ok(LoadedTracts { tracts, timestamp: None, checks })
 }
@@ -129,7 +130,7 @@ fn names(fields: &[u8], count: usize, kind: &str) -> Vec<String> {
         let text = String::from_utf8_lossy(parts.next().unwrap_or_default());
         let name = printable(text.trim());
         if name.is_empty() {
-            break;
+            continue;
         }
         let columns = parts.next().and_then(|digits| std::str::from_utf8(digits).ok()?.parse().ok());
         let columns: usize = columns.unwrap_or(1).clamp(1, MOST_SCALARS);

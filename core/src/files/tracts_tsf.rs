@@ -99,7 +99,10 @@ fn values(
             } else if count < expected {
                 values.push(value as f32);
             } else {
-                return Err(wrong(format!("more than {expected} scalars in fibre {fiber}"), of_points(expected)));
+                return Err(wrong(
+                    format!("more than {expected} scalars in fibre {fiber}"),
+                    of_points(expected),
+                ));
             }
         }
         if read_len < buffer.len() {

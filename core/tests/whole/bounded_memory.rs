@@ -117,6 +117,13 @@ fn tracts_with_huge_declared_sizes_are_rejected_within_bounds() {
     trk[1000..1016]
         .copy_from_slice(&[1_000_000_i32.to_le_bytes(), f32::NAN.to_le_bytes(), [0; 4], [0; 4]].concat());
     put("damaged.trk", &trk, 2 << 30);
+    // Scalars of the most columns, of which the reader has lists.
+    let mut trk =
+        tracts::Trk { count: i32::MAX, scalars: i16::MAX, properties: i16::MAX, ..tracts::Trk::new() }
+            .bytes();
+    trk.truncate(1000);
+    trk.extend(i32::MAX.to_le_bytes());
+    put("scalars.trk", &trk, 2 << 30);
 }
 
 #[test]

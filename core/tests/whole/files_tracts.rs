@@ -3,11 +3,12 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use crate::common::tracts::{Order, Trk, fibers, nibabel_files, tck, tck_with_header};
+use crate::common::tracts::{Order, Trk, fibers, nibabel_files, tck, tck_with_header, tsf};
 use glioscope_core::files::{
-    FileError, LoadedTracts, Source, TractOptions, read_tract_bytes, read_tracts, write_whole,
+    FileError, LoadedTracts, Source, TractOptions, read_tract_bytes, read_tract_scalar, read_tracts,
+    write_whole,
 };
-use glioscope_core::{Progress, Sides, Tracts};
+use glioscope_core::{Check, Progress, Sides, TractScalar, Tracts};
 
 fn read(bytes: &[u8]) -> Result<LoadedTracts, FileError> {
     read_tract_bytes("made", bytes, &TractOptions::default(), &Progress::new())
@@ -89,6 +90,199 @@ fn a_voxel_center_in_voxelmm_maps_to_its_world_center() {
     // Along R voxel 16 - 1 - 5 = 10, along A 32 - 1 - 3 = 28, along S 4.
     assert_eq!(loaded.tracts.fiber(0), [[100.0 + 2.0 * 10.0, -7.0 + 3.0 * 28.0, 50.0 + 4.0 * 4.0]]);
     assert_eq!(codes(&loaded), ["tracts-order-differs"]);
+}
+
+/// Values that nibabel reads: of each fibre rows of columns, of points and of fibres.
+#[derive(serde::Deserialize)]
+struct NibabelScalars {
+    points: BTreeMap<String, Vec<Vec<Vec<f32>>>>,
+    fibers: BTreeMap<String, Vec<Vec<f32>>>,
+}
+
+#[test]
+fn scalars_match_nibabel() {
+    let text = include_str!("tracts_nibabel_scalars.json");
+    let theirs: BTreeMap<String, NibabelScalars> = serde_json::from_str(text).unwrap();
+    let mut compared = 0;
+    for (name, bytes) in nibabel_files() {
+        let Some(theirs) = theirs.get(name) else { continue };
+        let tracts = read(&bytes).unwrap().tracts;
+        let mut ours: Vec<&str> = tracts.scalars().iter().map(TractScalar::name).collect();
+        let mut check = |scalar: &str, column: Option<usize>, expected: Vec<Vec<f32>>| {
+            let named = column.map_or_else(|| scalar.to_owned(), |n| format!("{scalar} {}", n + 1));
+            ours.retain(|own| *own != named);
+            let own = tracts.scalar(&named).unwrap_or_else(|| panic!("{name}: no {named}"));
+            for (n, expected) in expected.iter().enumerate() {
+                assert_eq!(tracts.values_along(own, n), *expected, "{name} {named}");
+                compared += expected.len();
+            }
+        };
+        // nibabel calls what has no name `scalars` and `properties`, all in one; those here have one column, or a name.
+        let own_name = |theirs: &str| match theirs {
+            "scalars" => "scalar".to_owned(),
+            "properties" => "property".to_owned(),
+            other => other.to_owned(),
+        };
+        let is_numbered =
+            |theirs: &str, columns: usize| columns > 1 || theirs == "scalars" || theirs == "properties";
+        for (scalar, fibers) in &theirs.points {
+            let columns = fibers[0][0].len();
+            for column in 0..columns {
+                let values = fibers.iter().map(|rows| rows.iter().map(|row| row[column]).collect()).collect();
+                check(&own_name(scalar), is_numbered(scalar, columns).then_some(column), values);
+            }
+        }
+        for (scalar, fibers) in &theirs.fibers {
+            let columns = fibers[0].len();
+            for column in 0..columns {
+                let along = |(n, row): (usize, &Vec<f32>)| vec![row[column]; tracts.fiber(n).len()];
+                let values = fibers.iter().enumerate().map(along).collect();
+                check(&own_name(scalar), is_numbered(scalar, columns).then_some(column), values);
+            }
+        }
+        assert_eq!(ours, [""; 0], "{name}");
+    }
+    assert!(compared > 100, "{compared}");
+}
+
+/// Written by nibabel: `tracts_nibabel.py --write` says what it holds.
+#[test]
+fn scalars_that_nibabel_writes_are_read() {
+    let tracts = read(include_bytes!("nibabel_scalars.trk")).unwrap().tracts;
+    let names: Vec<&str> = tracts.scalars().iter().map(TractScalar::name).collect();
+    assert_eq!(names, ["FA", "normal 1", "normal 2", "normal 3", "length"]);
+    let along = |name: &str, n| tracts.values_along(tracts.scalar(name).unwrap(), n);
+    let near = |found: Vec<f32>, expected: &[f32]| {
+        let is_near = |(a, b): (&f32, &f32)| (a - b).abs() < 1e-5;
+        assert!(found.len() == expected.len() && found.iter().zip(expected).all(is_near), "{found:?}");
+    };
+    near(along("FA", 0), &[0.0, 0.1, 0.2]);
+    near(along("FA", 1), &[0.3, 0.4]);
+    near(along("length", 1), &[20.0, 20.0]);
+    for (axis, name) in ["normal 1", "normal 2", "normal 3"].into_iter().enumerate() {
+        for n in 0..2 {
+            near(along(name, n), &tracts.fiber(n).iter().map(|p| p[axis]).collect::<Vec<_>>());
+        }
+    }
+}
+
+#[test]
+fn scalars_beyond_the_names_are_numbered_and_too_many_left_out() {
+    let trk =
+        Trk { scalars: 70, scalar_names: &["FA"], fibers: vec![fibers()[0].clone()], count: 1, ..Trk::new() };
+    let loaded = read(&trk.bytes()).unwrap();
+    let names: Vec<&str> = loaded.tracts.scalars().iter().map(TractScalar::name).collect();
+    assert_eq!((names.len(), names[0], names[1], names[63]), (64, "FA", "scalar 2", "scalar 64"));
+    assert_eq!(codes(&loaded), ["tracts-scalars-left-out"]);
+    // A claim of more columns than there are values, two equal names, a name of bytes that are no text.
+    let trk = Trk {
+        scalars: 3,
+        scalar_names: &["a\x0099", "b"],
+        properties: 2,
+        property_names: &["a 1", "\u{7}"],
+        ..Trk::new()
+    };
+    let names = read(&trk.bytes()).unwrap().tracts;
+    let names: Vec<&str> = names.scalars().iter().map(TractScalar::name).collect();
+    assert_eq!(names, ["a 1", "a 2", "a 3", "a 1 2", "\\u{7}"]);
+}
+
+fn read_scalar(of: &LoadedTracts, bytes: &[u8]) -> Result<(TractScalar, Vec<Check>), FileError> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("FA.tsf");
+    write_whole(&path, bytes).unwrap();
+    read_tract_scalar(&Source::File(path), "FA", of, &TractOptions::default(), &Progress::new())
+}
+
+/// A value for each point of [`fibers`]: a tenth of its number in the file.
+fn values() -> Vec<Vec<f32>> {
+    let mut next = 0;
+    let tenth = |_: &[f32; 3]| {
+        next += 1;
+        next as f32 / 10.0
+    };
+    let mut tenth = tenth;
+    fibers().iter().map(|fiber| fiber.iter().map(&mut tenth).collect()).collect()
+}
+
+#[test]
+fn a_tsf_has_a_value_for_each_point_of_its_tck() {
+    let of = read(&tck(&fibers(), Order::Little, false, "count: 3\ntimestamp: 17.25\n")).unwrap();
+    for (order, double) in
+        [(Order::Little, false), (Order::Big, false), (Order::Little, true), (Order::Big, true)]
+    {
+        let bytes = tsf(&values(), order, double, "count: 3\ntimestamp: 17.25\n");
+        for bytes in [gzip(&bytes), bytes] {
+            let (scalar, checks) = read_scalar(&of, &bytes).unwrap();
+            assert_eq!(checks, []);
+            let tracts = of.tracts.clone().with_scalars(vec![scalar]).unwrap();
+            let found: Vec<Vec<f32>> =
+                (0..3).map(|n| tracts.values_along(tracts.scalar("FA").unwrap(), n)).collect();
+            assert_eq!(found, values());
+        }
+    }
+    let codes = |lines: &str| -> Vec<&'static str> {
+        let (_, checks) = read_scalar(&of, &tsf(&values(), Order::Little, false, lines)).unwrap();
+        checks.iter().map(|check| check.code).collect()
+    };
+    assert_eq!(codes("timestamp: 18\n"), ["tracts-scalars-timestamp"]);
+    assert_eq!(codes("count: 4\n"), ["tracts-count"]);
+    let trailing = [tsf(&values(), Order::Little, false, ""), vec![1, 2, 3]].concat();
+    assert_eq!(read_scalar(&of, &trailing).unwrap().1[0].code, "tracts-trailing-bytes");
+}
+
+#[test]
+fn a_tsf_that_does_not_fit_or_is_damaged_is_refused_in_one_line() {
+    let of = read(&tck(&fibers(), Order::Little, false, "count: 3\n")).unwrap();
+    let with = |change: &dyn Fn(&mut Vec<Vec<f32>>)| {
+        let mut all = values();
+        change(&mut all);
+        tsf(&all, Order::Little, false, "")
+    };
+    let good = with(&|_| {});
+    let cut = good[..good.len() - 4].to_vec();
+    let text = |text: &str| [text.as_bytes(), &[0; 64]].concat();
+    for (bytes, found, expected) in [
+        (with(&|all| all.truncate(2)), "scalars of 2 fibres", "those of 3, as its tracts have"),
+        (with(&|all| all.push(vec![1.0])), "scalars of more than 3 fibres", "those of 3"),
+        (with(&|all| all[2].push(1.0)), "more than 7 scalars in fibre 2", "7, one for each of its points"),
+        (with(&|all| drop(all[0].pop())), "3 scalars in fibre 0", "4, one for each of its points"),
+        (with(&|all| all.swap(0, 2)), "more than 4 scalars in fibre 0", "4, one"),
+        (cut, "the end of the file after", "an infinity, which ends a .tsf"),
+        (Vec::new(), "an empty file", "track scalars"),
+        (tck(&fibers(), Order::Little, false, ""), "other content", "mrtrix track scalars"),
+        (text("mrtrix track scalars\nfile: . 10\nEND\n"), "no datatype", "Float32LE"),
+        (text("mrtrix track scalars\ndatatype: Int8\nfile: . 60\nEND\n"), "datatype Int8", "Float32LE"),
+        (
+            text("mrtrix track scalars\ndatatype: Float32LE\nfile: a.dat 0\nEND\n"),
+            "file: a.dat 0",
+            ". OFFSET",
+        ),
+        (
+            text("mrtrix track scalars\ndatatype: Float32LE\nfile: . 9999\nEND\n"),
+            "the end of the file",
+            "scalars where",
+        ),
+        (text("mrtrix track scalars\ndatatype: Float32LE\n"), "the end of the file", "END"),
+    ] {
+        let line = read_scalar(&of, &bytes).expect_err(found).to_string();
+        assert!(line.contains("FA.tsf: found ") && !line.contains('\n'), "{line}");
+        let (left, right) = line.split_once(", expected ").unwrap();
+        assert!(left.contains(found) && right.contains(expected), "{line}\n  {found}, {expected}");
+    }
+    // An infinity within a fibre; endless zeros; every prefix.
+    let mut inside = good.clone();
+    let first = good.windows(5).position(|w| w == b"\nEND\n").unwrap() + 5;
+    inside[first + 4..first + 8].copy_from_slice(&f32::INFINITY.to_le_bytes());
+    let line = read_scalar(&of, &inside).unwrap_err().to_string();
+    assert!(line.contains("found the end marker inside fibre 0"), "{line}");
+    let zeros = [&good[..first], &vec![0; 1 << 20]].concat();
+    assert!(read_scalar(&of, &zeros).unwrap_err().to_string().contains("more than 4 scalars in fibre 0"));
+    for length in 0..good.len() {
+        assert!(read_scalar(&of, &good[..length]).is_err(), "{length}");
+    }
+    // Given as tracts, it is named for what it is.
+    assert_refused(&good, &["scalars of fibres (.tsf)", "--tracts"]);
 }
 
 #[test]

@@ -68,10 +68,7 @@ pub(crate) struct RasterShader {
 ///
 /// # Errors
 /// [`RenderError::Shader`] for a file that doesn't compose.
-pub(crate) fn raster_pipeline(
-    gpu: &Gpu,
-    shader: RasterShader,
-) -> Result<wgpu::RenderPipeline, RenderError> {
+pub(crate) fn raster_pipeline(gpu: &Gpu, shader: RasterShader) -> Result<wgpu::RenderPipeline, RenderError> {
     let RasterShader { file: name, one_sided, located } = shader;
     let module = shader_module(gpu, name)?;
     let constants: &[(&str, f64)] = if located { &[("located", 1.0)] } else { &[] };

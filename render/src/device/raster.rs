@@ -36,12 +36,7 @@ impl RasterTargets {
         Ok(held.insert(targets).clone())
     }
 
-    fn new(
-        gpu: &Gpu,
-        size: Option<[u32; 2]>,
-        most_samples: u32,
-        located: bool,
-    ) -> Result<Self, RenderError> {
+    fn new(gpu: &Gpu, size: Option<[u32; 2]>, most_samples: u32, located: bool) -> Result<Self, RenderError> {
         let [width, height] = size.unwrap_or([1; 2]);
         let largest = gpu.device.limits().max_texture_dimension_2d;
         let fits = size.is_some() && width.max(height) <= largest / most_samples;

@@ -37,6 +37,7 @@ mod ui_change;
 mod ui_cpu_paint;
 mod ui_dialogs;
 mod ui_explain;
+mod ui_fibers;
 mod ui_files;
 mod ui_gestures;
 mod ui_lens;

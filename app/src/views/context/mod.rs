@@ -2,6 +2,7 @@
 
 mod second;
 mod tract_list;
+pub mod tract_look;
 
 use egui::{Rect, Role, Sense, Ui, WidgetInfo, vec2};
 use glam::DVec3;

@@ -2,44 +2,46 @@
 
 use std::sync::Arc;
 
-use egui::{Color32, Id, Rect, Role, Sense, Ui, WidgetInfo, pos2, vec2};
+use egui::{
+    Color32, Galley, Id, Painter, Popup, PopupCloseBehavior, Rect, Role, Sense, Ui, WidgetInfo, pos2, vec2,
+};
 use glioscope_core::case::CaseTracts;
-use glioscope_render::{DrawnTubes, PickedFiber, tract_color};
+use glioscope_render::{ColorMap, DrawnTubes, PickedFiber, Rgb, tract_color};
 
+use super::tract_look;
 use crate::{
     command::{Command, Commands, EditCommand},
     format,
+    model::FiberColor,
     theme::{self, LABEL_POINTS, Tokens},
     views::{
         draw,
         pane::{Input, Stage},
     },
-    world::{jobs::Lookup, tracts::is_placed},
+    world::{
+        jobs::Lookup,
+        tracts::{TubeSets, is_placed},
+    },
 };
 
 /// Line height of the list.
 const LINE_POINTS: f32 = 17.0;
 
-/// The case's tracts with their visibility; and a note if they are being prepared or failed.
+/// The case's tracts with their looks and visibility; and a note if they are being prepared or failed.
 pub(super) fn drawn_tubes(ui: &Ui, stage: &mut Stage<'_>) -> (Vec<DrawnTubes>, Option<String>) {
     let Stage { input, ask, results, .. } = stage;
-    match results.tracts.sets(input.case, ask) {
-        Some(Lookup::Ready(sets)) => {
-            let hidden = &input.doc.edit.hidden_tracts;
-            let with_tracts = sets.iter().zip(&input.case.tracts);
-            let drawn = with_tracts.map(|(set, tracts)| DrawnTubes {
-                set: Arc::clone(set),
-                shown: !hidden.contains(&tracts.id),
-            });
-            (drawn.collect(), None)
-        }
-        Some(Lookup::Working(_)) => {
-            ui.request_repaint_after(std::time::Duration::from_millis(100));
-            (Vec::new(), Some("Preparing fibre tracts…".into()))
-        }
-        Some(Lookup::Failed(error)) => (Vec::new(), Some(error.to_string())),
-        None => (Vec::new(), None),
+    let edit = &input.doc.edit;
+    let TubeSets { sets, is_working, error } = results.tracts.sets(input.case, edit, ask);
+    if is_working {
+        ui.request_repaint_after(std::time::Duration::from_millis(100));
     }
+    let with_tracts = sets.into_iter().zip(&input.case.tracts).enumerate();
+    let drawn = with_tracts.map(|(n, (set, CaseTracts { id, tracts }))| DrawnTubes {
+        set,
+        look: edit.tract_look(id).of_tubes(tracts, tract_color(n)),
+        shown: !edit.hidden_tracts.contains(id),
+    });
+    (drawn.collect(), error.or_else(|| is_working.then(|| "Preparing fibre tracts…".into())))
 }
 
 /// A fibre's name, and its distance from the selection once that is computed.
@@ -63,6 +65,64 @@ pub(super) fn fiber_text(stage: &mut Stage<'_>, picked: PickedFiber) -> String {
     }
 }
 
+/// A line of the list.
+enum Line {
+    /// A file of tracts, by its index, and what is said of it.
+    Tracts(usize, String),
+    /// The colours of a scalar and the values at their ends.
+    Scale(ColorMap, [f64; 2], String),
+    /// What the colours of directions mean.
+    Directions,
+    /// How many files have no line.
+    Omitted(usize),
+}
+
+/// The convention of tractography.
+const DIRECTIONS: [(Rgb, &str); 3] = [
+    ([255, 0, 0], "left\u{2013}right"),
+    ([0, 255, 0], "anterior\u{2013}posterior"),
+    ([0, 0, 255], "superior\u{2013}inferior"),
+];
+/// Width of a scale's colours.
+const SCALE_POINTS: f32 = 60.0;
+
+/// The lines of the list, at most `most`: those of the files, with scales and the convention where they are used.
+fn lines(input: &Input<'_>, drawn: &[DrawnTubes], most: usize) -> Vec<Line> {
+    let (case, edit) = (input.case, &input.doc.edit);
+    let mut lines = Vec::new();
+    let mut has_directions = false;
+    for (n, CaseTracts { id, tracts }) in case.tracts.iter().enumerate() {
+        let note = match drawn.get(n).map(|d| d.set.left_out()) {
+            _ if !is_placed(case, tracts) => ": place unknown, not drawn".to_owned(),
+            Some(0) | None => String::new(),
+            Some(n) => {
+                format!(": {} of {} fibres drawn", format::count((tracts.fiber_count() - n) as u64), {
+                    format::count(tracts.fiber_count() as u64)
+                })
+            }
+        };
+        let look = edit.tract_look(id);
+        let is_shown = !edit.hidden_tracts.contains(id) && is_placed(case, tracts);
+        let mut own = vec![Line::Tracts(n, format!("{id}{note}"))];
+        if let Some(scalar) = look.scalar(tracts).filter(|_| is_shown) {
+            let gaps = if scalar.has_gaps() { ", grey without" } else { "" };
+            own.push(Line::Scale(look.map, look.range_of(scalar), format!("{}{gaps}", scalar.name())));
+        }
+        // One line for what is left over, and one for directions.
+        let reserved = usize::from(n + 1 < case.tracts.len()) + 1;
+        if lines.len() + own.len() + reserved > most.max(1) && lines.len() + 1 != most {
+            lines.push(Line::Omitted(case.tracts.len() - n));
+            break;
+        }
+        has_directions |= is_shown && look.color == FiberColor::Direction;
+        lines.append(&mut own);
+    }
+    if has_directions {
+        lines.push(Line::Directions);
+    }
+    lines
+}
+
 /// Draws the list of tracts from `top` downwards: colour and name; a click shows or hides a tract.
 pub(super) fn list(
     ui: &Ui,
@@ -81,48 +141,109 @@ pub(super) fn list(
     let painter = ui.painter().with_clip_rect(rect);
     let font = theme::font(LABEL_POINTS);
     // Space for the scale bar below.
-    let max_rows = ((rect.bottom() - 60.0 - top) / LINE_POINTS).max(0.0) as usize;
-    let rows = if case.tracts.len() > max_rows { max_rows.saturating_sub(1) } else { case.tracts.len() };
-    let omitted = case.tracts.len() - rows;
-    let mut lines: Vec<(Option<usize>, String)> = Vec::new();
-    for (n, CaseTracts { id, tracts }) in case.tracts.iter().enumerate().take(rows) {
-        let note = match drawn.get(n).map(|d| d.set.left_out()) {
-            _ if !is_placed(case, tracts) => ": place unknown, not drawn".to_owned(),
-            Some(0) | None => String::new(),
-            Some(n) => {
-                format!(": {} of {} fibres drawn", format::count((tracts.fiber_count() - n) as u64), {
-                    format::count(tracts.fiber_count() as u64)
-                })
-            }
-        };
-        lines.push((Some(n), format!("{id}{note}")));
-    }
-    if omitted > 0 {
-        lines.push((None, format!("and {omitted} more: see the menu View")));
-    }
+    let most = ((rect.bottom() - 60.0 - top) / LINE_POINTS).max(0.0) as usize;
     let left = rect.left() + 10.0;
-    for (row, (index, text)) in lines.into_iter().enumerate() {
-        let galley = painter.layout_no_wrap(text, font.clone(), ink);
+    let text = |text: String| painter.layout_no_wrap(text, font.clone(), ink);
+    for (row, line) in lines(input, drawn, most).into_iter().enumerate() {
         let at = pos2(left, top + row as f32 * LINE_POINTS);
-        let line = Rect::from_min_size(at, vec2(galley.size().x + 17.0, LINE_POINTS - 2.0));
-        draw::plate(&painter, line, dark);
-        let Some(CaseTracts { id, .. }) = index.and_then(|n| case.tracts.get(n)) else {
-            painter.galley(at, galley, ink);
-            continue;
-        };
-        let shown = !input.doc.edit.hidden_tracts.contains(id);
-        let response = ui.interact(line, Id::unique(("fibre tracts", id)), Sense::click());
-        let command = Command::from(EditCommand::ToggleTracts(id.clone()));
-        response.widget_info(|| WidgetInfo::selected(Role::CheckBox, true, shown, command.text()));
-        let color = theme::color(tract_color(index.unwrap_or_default()));
-        let fill = if shown { color } else { Color32::TRANSPARENT };
-        let edge = if response.hovered() { ink } else { ink.gamma_multiply(0.6) };
-        let swatch = Rect::from_min_size(at + vec2(0.0, 2.0), vec2(11.0, 11.0));
-        painter.rect(swatch, 2.0, fill, egui::Stroke::new(1.0, edge), egui::StrokeKind::Outside);
-        let text_color = ink.gamma_multiply(if shown { 1.0 } else { 0.55 });
-        painter.galley_with_override_text_color(at + vec2(17.0, 0.0), galley, text_color);
-        if response.on_hover_text(command.tooltip()).clicked() {
-            out.push(command);
+        let line_rect = |width: f32| Rect::from_min_size(at, vec2(width, LINE_POINTS - 2.0));
+        match line {
+            Line::Tracts(n, words) => {
+                let galley = text(words);
+                let own = line_rect(galley.size().x + 17.0);
+                draw::plate(&painter, own, dark);
+                tracts_line(ui, input, (n, own), (&painter, galley), out);
+            }
+            Line::Scale(map, range, name) => {
+                let [low, high] = range.map(|value| text(format::four_digits(value)));
+                let name = text(name);
+                let texts = [low.size().x, high.size().x, name.size().x];
+                let ramp_at = 17.0 + texts[0] + 5.0;
+                let high_at = ramp_at + SCALE_POINTS + 5.0;
+                let name_at = high_at + texts[1] + 8.0;
+                draw::plate(&painter, line_rect(name_at + texts[2]), dark);
+                painter.galley(at + vec2(17.0, 0.0), low, ink);
+                ramp(&painter, Rect::from_min_size(at + vec2(ramp_at, 2.0), vec2(SCALE_POINTS, 11.0)), map);
+                painter.galley(at + vec2(high_at, 0.0), high, ink);
+                painter.galley(at + vec2(name_at, 0.0), name, ink);
+            }
+            Line::Directions => {
+                let words = DIRECTIONS.map(|(color, word)| (color, text(word.to_owned())));
+                let width: f32 = words.iter().map(|(_, galley)| galley.size().x + 25.0).sum();
+                draw::plate(&painter, line_rect(width - 8.0), dark);
+                let mut x = 0.0;
+                for (color, galley) in words {
+                    let swatch = Rect::from_min_size(at + vec2(x, 2.0), vec2(11.0, 11.0));
+                    painter.rect_filled(swatch, 2.0, theme::color(color));
+                    let width = galley.size().x;
+                    painter.galley(at + vec2(x + 17.0, 0.0), galley, ink);
+                    x += width + 25.0;
+                }
+            }
+            Line::Omitted(count) => {
+                let galley = text(format!("and {count} more: see the menu View"));
+                draw::plate(&painter, line_rect(galley.size().x + 17.0), dark);
+                painter.galley(at, galley, ink);
+            }
         }
     }
+}
+
+/// The colours of a map from left to right.
+fn ramp(painter: &Painter, rect: Rect, map: ColorMap) {
+    let steps = 30;
+    for step in 0..steps {
+        let [from, to] = [step, step + 1].map(|n| rect.left() + rect.width() * n as f32 / steps as f32);
+        let part = Rect::from_min_max(pos2(from, rect.top()), pos2(to, rect.bottom()));
+        painter.rect_filled(part, 0.0, theme::color(map.color(f64::from(step) / f64::from(steps - 1))));
+    }
+}
+
+/// The line of the tracts with index `n`: a click shows or hides them, its menu has their look.
+fn tracts_line(
+    ui: &Ui,
+    input: &Input<'_>,
+    (n, line): (usize, Rect),
+    (painter, galley): (&Painter, Arc<Galley>),
+    out: &mut Commands,
+) {
+    let Some(tracts) = input.case.tracts.get(n) else { return };
+    let ink = Tokens::in_ui(ui).text;
+    let (at, id) = (line.min, &tracts.id);
+    let edit = &input.doc.edit;
+    let shown = !edit.hidden_tracts.contains(id);
+    let response = ui.interact(line, Id::unique(("fibre tracts", id)), Sense::click());
+    let command = Command::from(EditCommand::ToggleTracts(id.clone()));
+    response.widget_info(|| WidgetInfo::selected(Role::CheckBox, true, shown, command.text()));
+    let edge = if response.hovered() { ink } else { ink.gamma_multiply(0.6) };
+    let swatch = Rect::from_min_size(at + vec2(0.0, 2.0), vec2(11.0, 11.0));
+    let look = edit.tract_look(id);
+    let stripes: Vec<Rgb> = match (&look.color, look.scalar(&tracts.tracts)) {
+        _ if !shown => Vec::new(),
+        (FiberColor::Direction, _) => DIRECTIONS.map(|(color, _)| color).to_vec(),
+        (FiberColor::Scalar(_), Some(_)) => [0.1, 0.5, 0.9].map(|share| look.map.color(share)).to_vec(),
+        (FiberColor::Plain | FiberColor::Scalar(_), _) => vec![tract_color(n)],
+    };
+    let fill = match stripes.as_slice() {
+        [color] => theme::color(*color),
+        _ => Color32::TRANSPARENT,
+    };
+    if stripes.len() > 1 {
+        for (k, &color) in stripes.iter().enumerate() {
+            let [from, to] =
+                [k, k + 1].map(|k| swatch.left() + swatch.width() * k as f32 / stripes.len() as f32);
+            let part = Rect::from_min_max(pos2(from, swatch.top()), pos2(to, swatch.bottom()));
+            painter.rect_filled(part, 0.0, theme::color(color));
+        }
+    }
+    painter.rect(swatch, 2.0, fill, egui::Stroke::new(1.0, edge), egui::StrokeKind::Outside);
+    let text_color = ink.gamma_multiply(if shown { 1.0 } else { 0.55 });
+    painter.galley_with_override_text_color(at + vec2(17.0, 0.0), galley, text_color);
+    let tooltip = format!("{}\nIts menu has colour, width and form", command.tooltip());
+    if response.clone().on_hover_text(tooltip).clicked() {
+        out.push(command);
+    }
+    Popup::context_menu(&response)
+        .close_behavior(PopupCloseBehavior::CloseOnClickOutside)
+        .show(|ui| tract_look::controls(ui, edit, &[tracts], out));
 }

@@ -60,6 +60,23 @@ pub fn tck_with_header(fibers: &[Vec<[f32; 3]>], order: Order, double: bool, lin
     out
 }
 
+/// A `.tsf` file with these values of each fibre and additional header lines.
+pub fn tsf(fibers: &[Vec<f32>], order: Order, double: bool, lines: &str) -> Vec<u8> {
+    let letters = if order == Order::Little { "LE" } else { "BE" };
+    let bits = if double { 64 } else { 32 };
+    let head = |offset: usize| {
+        format!("mrtrix track scalars\ndatatype: Float{bits}{letters}\n{lines}file: . {offset:04}\nEND\n")
+    };
+    let mut out = head(head(0).len()).into_bytes();
+    let mut put = |v: f32| if double { out.extend(order.f64(v.into())) } else { out.extend(order.f32(v)) };
+    for fiber in fibers {
+        fiber.iter().for_each(|&v| put(v));
+        put(f32::NAN);
+    }
+    put(f32::INFINITY);
+    out
+}
+
 /// Content of a `.trk` file.
 #[derive(Clone, Debug)]
 pub struct Trk {
@@ -69,6 +86,9 @@ pub struct Trk {
     pub sizes: [f32; 3],
     pub scalars: i16,
     pub properties: i16,
+    /// As the header has them: nibabel writes the number of columns after a zero.
+    pub scalar_names: &'static [&'static str],
+    pub property_names: &'static [&'static str],
     pub vox_to_ras: [[f32; 4]; 4],
     pub voxel_order: &'static str,
     pub count: i32,
@@ -88,6 +108,8 @@ impl Trk {
             sizes: [1.0, 2.0, 3.0],
             scalars: 0,
             properties: 0,
+            scalar_names: &[],
+            property_names: &[],
             vox_to_ras: OBLIQUE,
             voxel_order: "RAS",
             count: 3,
@@ -106,6 +128,9 @@ impl Trk {
         }
         put(36, &o.i16(self.scalars));
         put(238, &o.i16(self.properties));
+        for (at, names) in [(38, self.scalar_names), (240, self.property_names)] {
+            names.iter().enumerate().for_each(|(n, name)| put(at + 20 * n, name.as_bytes()));
+        }
         for (n, &v) in self.vox_to_ras.as_flattened().iter().enumerate() {
             put(440 + 4 * n, &o.f32(v));
         }
@@ -136,6 +161,17 @@ pub fn nibabel_files() -> Vec<(&'static str, Vec<u8>)> {
         ("be.tck", tck(&fibers(), big, false, "count: 3\nroi: seed a\n")),
         ("ras.trk", base.bytes()),
         ("scalars.trk", Trk { scalars: 2, properties: 3, ..base.clone() }.bytes()),
+        (
+            "named.trk",
+            Trk {
+                scalars: 4,
+                properties: 2,
+                scalar_names: &["FA", "colors\x003"],
+                property_names: &["length", "cluster id"],
+                ..base.clone()
+            }
+            .bytes(),
+        ),
         ("big-lps.trk", Trk { order: big, scalars: 1, voxel_order: "LPS", ..base.clone() }.bytes()),
         ("lps-both.trk", Trk { voxel_order: "LPS", vox_to_ras: lps, count: 0, ..base.clone() }.bytes()),
         ("las.trk", Trk { voxel_order: "las", ..base.clone() }.bytes()),

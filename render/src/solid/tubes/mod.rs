@@ -8,6 +8,8 @@
 //! are compiled only where a shown set has values.
 
 pub(crate) mod buffers;
+#[cfg(test)]
+mod color_tests;
 mod simplify;
 mod smooth;
 #[cfg(test)]

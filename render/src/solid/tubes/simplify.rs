@@ -114,7 +114,8 @@ mod tests {
     fn a_segment_that_does_not_fit_is_not_drawn() {
         let line: Vec<DVec3> = (0..20).map(|n| DVec3::X * f64::from(n)).collect();
         // A value that jumps at the tenth point.
-        let kept = super::simplified(&line, 0.1, 100.0, |from, to| (from < 10) == (to < 10) || to == from + 1);
+        let kept =
+            super::simplified(&line, 0.1, 100.0, |from, to| (from < 10) == (to < 10) || to == from + 1);
         let ends: Vec<usize> = kept.iter().map(|kept| kept.to).collect();
         assert_eq!(ends, [0, 9, 10, 19]);
     }

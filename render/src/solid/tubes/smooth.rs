@@ -131,8 +131,7 @@ mod tests {
             let mut worst = 0.0_f64;
             for n in 0..line.len() - 1 {
                 let before = if n == 0 { 2.0 * line[0] - line[1] } else { line[n - 1] };
-                let after =
-                    line.get(n + 2).copied().unwrap_or_else(|| 2.0 * line[n + 1] - line[n]);
+                let after = line.get(n + 2).copied().unwrap_or_else(|| 2.0 * line[n + 1] - line[n]);
                 let own: Vec<DVec3> = std::iter::once(line[n])
                     .chain(chain.iter().filter(|c| c.to == n + 1).map(|c| c.place))
                     .collect();

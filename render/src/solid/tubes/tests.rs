@@ -41,8 +41,12 @@ fn tracts(fibers: &[&[[f32; 3]]]) -> Tracts {
 }
 
 fn set(fibers: &[&[[f32; 3]]], color: Rgb, radius_mm: f64) -> DrawnTubes {
-    let set = TubeSet::new(&tracts(fibers), color, radius_mm, &Progress::new()).unwrap();
-    DrawnTubes { set: Arc::new(set), shown: true }
+    drawn(&tracts(fibers), &TubeShape::default(), TubeLook { radius_mm, ..TubeLook::of(color) })
+}
+
+fn drawn(tracts: &Tracts, shape: &TubeShape<'_>, look: TubeLook) -> DrawnTubes {
+    let set = TubeSet::new(tracts, shape, &Progress::new()).unwrap();
+    DrawnTubes { set: Arc::new(set), look, shown: true }
 }
 
 /// Tubes alone, viewed slightly from above.
@@ -446,9 +450,16 @@ fn without_tubes_no_tube_pass_runs_and_no_pixel_changes() {
 fn tube_sets_are_prepared_from_tracts() {
     let long: Vec<[f32; 3]> = (0..500).map(|n| [n as f32 * 0.1, (n as f32 * 0.02).sin(), 7.0]).collect();
     let fibers = tracts(&[&long, &[], &long[..40], POINT]);
-    let whole = TubeSet::new(&fibers, [1, 2, 3], f64::NAN, &Progress::new()).unwrap();
+    let shape = TubeShape::default();
+    let whole = TubeSet::new(&fibers, &shape, &Progress::new()).unwrap();
     assert_eq!((whole.fiber_count(), whole.left_out()), (4, 0));
-    assert_eq!((whole.color(), whole.radius_mm()), ([1, 2, 3], TubeSet::RADIUS_MM));
+    let look = |radius_mm| DrawnTubes {
+        set: Arc::new(whole.clone()),
+        look: TubeLook { radius_mm, ..TubeLook::of([1, 2, 3]) },
+        shown: true,
+    };
+    let radii = [f64::NAN, 0.0, 2.0, f64::INFINITY].map(|radius_mm| look(radius_mm).radius_mm());
+    assert_eq!(radii, [TubeSet::RADIUS_MM, 0.01, 2.0, 100.0]);
     assert!(whole.point_count() < 60, "{}", whole.point_count());
     assert_eq!([0, 1, 2, 3, 4].map(|n| whole.fiber(n).len() > 1), [true, false, true, false, false]);
     assert_eq!(whole.fiber(3).len(), 1);
@@ -457,15 +468,15 @@ fn tube_sets_are_prepared_from_tracts() {
         "{}",
         whole.origin_mm()
     );
-    let few = TubeSet::with_most(&fibers, [0; 3], 1.0, 12, &Progress::new()).unwrap();
+    let few = TubeSet::with_most(&fibers, &shape, 12, &Progress::new()).unwrap();
     assert!(few.point_count() <= 12 && few.left_out() > 0 && few.fiber_count() == 4);
     let stopped = Progress::new();
     stopped.cancel();
-    assert!(TubeSet::new(&fibers, [0; 3], 1.0, &stopped).is_err());
-    assert_eq!(TubeSet::new(&tracts(&[]), [0; 3], 1.0, &Progress::new()).unwrap().point_count(), 0);
+    assert!(TubeSet::new(&fibers, &shape, &stopped).is_err());
+    assert_eq!(TubeSet::new(&tracts(&[]), &shape, &Progress::new()).unwrap().point_count(), 0);
 
-    let drawn = |set: TubeSet, shown| DrawnTubes { set: Arc::new(set), shown };
-    let list = [drawn(whole.clone(), true), drawn(whole.clone(), false), drawn(whole, true)];
+    let listed = |shown| DrawnTubes { shown, ..look(1.0) };
+    let list = [listed(true), listed(false), listed(true)];
     let of = |n| fiber_of(&list, n);
     assert_eq!([of(0), of(3), of(4), of(7)], [Some((0, 0)), Some((0, 3)), Some((2, 0)), Some((2, 3))]);
     assert_eq!(of(8), None);

@@ -158,7 +158,7 @@ mod tests {
         assert_eq!((per_point.range(), per_fiber.range()), (Some([0.25, 0.5]), Some([7.0, 8.0])));
         assert!(per_point.has_gaps());
         assert_eq!(TractScalar::new("x".into(), ScalarPer::Point, vec![f32::NAN]).range(), None);
-        let both = tracts.clone().with_scalars(vec![per_point.clone(), per_fiber.clone()]).unwrap();
+        let both = tracts.clone().with_scalars(vec![per_point, per_fiber]).unwrap();
         let names: Vec<&str> = both.scalars().iter().map(TractScalar::name).collect();
         assert_eq!(names, ["FA", "FA 2"]);
         let along = |name: &str, n| both.values_along(both.scalar(name).unwrap(), n);

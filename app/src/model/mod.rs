@@ -26,7 +26,7 @@ pub mod response;
 pub mod rulers;
 pub mod session;
 mod session_limits;
-mod session_names;
+pub(crate) mod session_names;
 mod session_old;
 mod shape;
 pub mod slice_axes;

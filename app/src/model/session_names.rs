@@ -215,7 +215,7 @@ fn known_ids(document: &mut Value, shown: &TimePoint, case: &Case) -> Vec<String
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+pub(crate) mod tests {
     use std::sync::Arc;
 
     use glam::DVec3;

@@ -12,7 +12,7 @@ use glioscope::{
     window::GlioscopeApp,
 };
 use glioscope_core::{axes, glam::DVec3};
-use glioscope_render::{ClipPlane, TransferPreset, flat::ColorMap};
+use glioscope_render::{ClipPlane, ColorMap, TransferPreset};
 use glioscope_tests::{
     Window, doc, issue, maximized, pane_picture, perform, screens, wait_for_workers, window_on, window_with,
     workstation, write_cube,

@@ -31,6 +31,7 @@ fn scene(tubes: Vec<DrawnTubes>, projection: Projection) -> ContextScene {
     ContextScene {
         volume: None,
         transfer: Arc::new(TransferFunction::transparent()),
+        projection: None,
         clip: Vec::new(),
         tumor: None,
         selection: Selection::all(),
@@ -258,7 +259,7 @@ fn a_look_is_changed_without_preparing_the_set() {
     };
     assert_ne!(set, other);
     let Bench { gpu, renderer } = &mut *bench;
-    let mut frame = |renderer: &mut ContextRenderer, tubes: &DrawnTubes| {
+    let frame = |renderer: &mut ContextRenderer, tubes: &DrawnTubes| {
         let scene = scene(vec![tubes.clone()], Projection::Perspective);
         renderer.render(gpu, &scene, &FLAT, SIZE).unwrap().read_rgba(gpu).unwrap()
     };

@@ -7,12 +7,13 @@ use glioscope_core::optics::Camera;
 
 use crate::{
     device::{Gpu, PassName, RenderError},
-    flat::{ColorMap, Window},
+    flat::Window,
     image::{
         buffers::{Uploaded, upload},
         uniforms::{Context, geometry, step_mm},
         volume::ContextVolume,
     },
+    scene::ColorMap,
     views::view3d::Draw,
 };
 

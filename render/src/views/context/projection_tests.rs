@@ -15,8 +15,8 @@ use super::{
     scene::ContextScene,
 };
 use crate::{
-    MaskColors, Palette, Quality,
-    flat::{ColorMap, Window},
+    ColorMap, MaskColors, Palette, Quality,
+    flat::Window,
     image::{ContextVolume, TransferFunction, uniforms::step_mm},
     testing::{self, BenchGuard, SharedBench, lock, noise},
     views::view3d::Switches,

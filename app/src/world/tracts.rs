@@ -41,7 +41,16 @@ struct SetsKey {
 /// Tube sets with what they were prepared with.
 struct Sets {
     key: SetsKey,
-    sets: Vec<Arc<TubeSet>>,
+    sets: Vec<PreparedTubes>,
+}
+
+/// The tubes of a file.
+#[derive(Clone)]
+pub struct PreparedTubes {
+    /// Them.
+    pub set: Arc<TubeSet>,
+    /// Whether the scalar that colours them lacks values.
+    pub has_gaps: bool,
 }
 
 /// The tube sets of a case.
@@ -49,7 +58,7 @@ struct Sets {
 pub struct TubeSets {
     /// One per tract file of the case, in their order; those of other looks while others are being prepared, none before
     /// the first.
-    pub sets: Vec<Arc<TubeSet>>,
+    pub sets: Vec<PreparedTubes>,
     /// Whether a worker prepares them.
     pub is_working: bool,
     /// Why they can't be prepared.
@@ -128,7 +137,7 @@ fn prepare(case: &Case, key: SetsKey, before: Option<&Sets>, progress: &Progress
     for (n, (CaseTracts { id, tracts }, shape)) in case.tracts.iter().zip(&key.shapes).enumerate() {
         let same = before.filter(|before| before.key.shapes.get(n) == Some(shape));
         if let Some(set) = same.and_then(|before| before.sets.get(n)) {
-            sets.push(Arc::clone(set));
+            sets.push(set.clone());
             continue;
         }
         progress.say(format!("preparing {id}"));
@@ -138,8 +147,9 @@ fn prepare(case: &Case, key: SetsKey, before: Option<&Sets>, progress: &Progress
             FiberColor::Direction => TubeValues::Direction,
             FiberColor::Scalar(name) => tracts.scalar(name).map_or(TubeValues::Nothing, TubeValues::Scalar),
         };
+        let has_gaps = matches!(values, TubeValues::Scalar(scalar) if scalar.has_gaps());
         let shape = TubeShape { values, smooth_mm: shape.smooth_mm };
-        sets.push(Arc::new(TubeSet::new(drawn, &shape, progress)?));
+        sets.push(PreparedTubes { set: Arc::new(TubeSet::new(drawn, &shape, progress)?), has_gaps });
     }
     Ok(Sets { key, sets })
 }

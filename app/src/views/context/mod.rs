@@ -75,7 +75,7 @@ impl Pane for ContextPane {
         };
         let transfer = stage.results.image.transfer(input.doc, input.context);
         let (projection, second_note) = second::projection(ui, stage);
-        let (tubes, tracts_note) = tract_list::drawn_tubes(ui, stage);
+        let (tubes, gaps, tracts_note) = tract_list::drawn_tubes(ui, stage);
         let mut scene = ContextScene {
             projection,
             volume,
@@ -120,7 +120,7 @@ impl Pane for ContextPane {
             painter.galley(text_rect.min, text, ink);
         }
         if !input.is_plain {
-            tract_list::list(ui, &input, rect, text_rect.bottom() + 8.0, &scene.tubes, out);
+            tract_list::list(ui, &input, rect, text_rect.bottom() + 8.0, (&scene.tubes, &gaps), out);
         }
         if let Some(projection) = &scene.projection {
             second::legend(ui, &input, rect, projection);

@@ -27,21 +27,23 @@ use crate::{
 /// Line height of the list.
 const LINE_POINTS: f32 = 17.0;
 
-/// The case's tracts with their looks and visibility; and a note if they are being prepared or failed.
-pub(super) fn drawn_tubes(ui: &Ui, stage: &mut Stage<'_>) -> (Vec<DrawnTubes>, Option<String>) {
+/// The case's tracts with their looks and visibility, and whether their scalars have gaps; and a note if they are being
+/// prepared or failed.
+pub(super) fn drawn_tubes(ui: &Ui, stage: &mut Stage<'_>) -> (Vec<DrawnTubes>, Vec<bool>, Option<String>) {
     let Stage { input, ask, results, .. } = stage;
     let edit = &input.doc.edit;
     let TubeSets { sets, is_working, error } = results.tracts.sets(input.case, edit, ask);
     if is_working {
         ui.request_repaint_after(std::time::Duration::from_millis(100));
     }
+    let gaps = sets.iter().map(|prepared| prepared.has_gaps).collect();
     let with_tracts = sets.into_iter().zip(&input.case.tracts).enumerate();
-    let drawn = with_tracts.map(|(n, (set, CaseTracts { id, tracts }))| DrawnTubes {
-        set,
+    let drawn = with_tracts.map(|(n, (prepared, CaseTracts { id, tracts }))| DrawnTubes {
+        set: prepared.set,
         look: edit.tract_look(id).of_tubes(tracts, tract_color(n)),
         shown: !edit.hidden_tracts.contains(id),
     });
-    (drawn.collect(), error.or_else(|| is_working.then(|| "Preparing fibre tracts…".into())))
+    (drawn.collect(), gaps, error.or_else(|| is_working.then(|| "Preparing fibre tracts…".into())))
 }
 
 /// A fibre's name, and its distance from the selection once that is computed.
@@ -86,12 +88,12 @@ const DIRECTIONS: [(Rgb, &str); 3] = [
 /// Width of a scale's colours.
 const SCALE_POINTS: f32 = 60.0;
 
-/// The lines of the list, at most `most`: those of the files, with scales and the convention where they are used.
-fn lines(input: &Input<'_>, drawn: &[DrawnTubes], most: usize) -> Vec<Line> {
+/// The lines of the list, at most `most`, but one where files are left out: those of the files, with scales and the
+/// convention where they are used.
+fn lines(input: &Input<'_>, (drawn, gaps): (&[DrawnTubes], &[bool]), most: usize) -> Vec<Line> {
     let (case, edit) = (input.case, &input.doc.edit);
-    let mut lines = Vec::new();
     let mut has_directions = false;
-    for (n, CaseTracts { id, tracts }) in case.tracts.iter().enumerate() {
+    let of_file = |(n, CaseTracts { id, tracts }): (usize, &CaseTracts)| {
         let note = match drawn.get(n).map(|d| d.set.left_out()) {
             _ if !is_placed(case, tracts) => ": place unknown, not drawn".to_owned(),
             Some(0) | None => String::new(),
@@ -103,19 +105,25 @@ fn lines(input: &Input<'_>, drawn: &[DrawnTubes], most: usize) -> Vec<Line> {
         };
         let look = edit.tract_look(id);
         let is_shown = !edit.hidden_tracts.contains(id) && is_placed(case, tracts);
+        has_directions |= is_shown && look.color == FiberColor::Direction;
         let mut own = vec![Line::Tracts(n, format!("{id}{note}"))];
         if let Some(scalar) = look.scalar(tracts).filter(|_| is_shown) {
-            let gaps = if scalar.has_gaps() { ", grey without" } else { "" };
-            own.push(Line::Scale(look.map, look.range_of(scalar), format!("{}{gaps}", scalar.name())));
+            let grey = if gaps.get(n).is_some_and(|&gaps| gaps) { ", grey: no value" } else { "" };
+            own.push(Line::Scale(look.map, look.range_of(scalar), format!("{}{grey}", scalar.name())));
         }
-        // One line for what is left over, and one for directions.
-        let reserved = usize::from(n + 1 < case.tracts.len()) + 1;
-        if lines.len() + own.len() + reserved > most.max(1) && lines.len() + 1 != most {
+        own
+    };
+    let all: Vec<Vec<Line>> = case.tracts.iter().enumerate().map(of_file).collect();
+    let most = most.saturating_sub(usize::from(has_directions));
+    let total: usize = all.iter().map(Vec::len).sum();
+    let room = if total <= most { most } else { most.saturating_sub(1) };
+    let mut lines = Vec::new();
+    for (n, own) in all.into_iter().enumerate() {
+        if lines.len() + own.len() > room {
             lines.push(Line::Omitted(case.tracts.len() - n));
             break;
         }
-        has_directions |= is_shown && look.color == FiberColor::Direction;
-        lines.append(&mut own);
+        lines.extend(own);
     }
     if has_directions {
         lines.push(Line::Directions);
@@ -129,7 +137,7 @@ pub(super) fn list(
     input: &Input<'_>,
     rect: Rect,
     top: f32,
-    drawn: &[DrawnTubes],
+    drawn: (&[DrawnTubes], &[bool]),
     out: &mut Commands,
 ) {
     let case = input.case;

@@ -11,7 +11,7 @@ pub(super) struct CurvePoint {
     pub place: DVec3,
     /// Unit tangent; zero where the line has no length.
     pub tangent: DVec3,
-    /// Between which points of the polyline, and how far from the first (0) to the second (1).
+    /// Between which points of the polyline, and how much of the way from the first (0) to the second (1).
     pub from: usize,
     pub to: usize,
     pub share: f64,
@@ -73,12 +73,19 @@ pub(super) fn smoothed(line: &[DVec3], tolerance: f64) -> Vec<CurvePoint> {
             out[0].tangent = piece.tangent(0.0);
         }
         let parts = piece.parts(tolerance);
-        out.extend((1..=parts).map(|part| {
-            let share = part as f64 / parts as f64;
+        let (mut at, mut run_mm) = (p, 0.0);
+        let first = out.len();
+        for part in 1..=parts {
+            let t = part as f64 / parts as f64;
             // The file's own points exactly.
-            let place = if part == parts { q } else { piece.at(share) };
-            CurvePoint { place, tangent: piece.tangent(share), from: apart[n], to: apart[n + 1], share }
-        }));
+            let place = if part == parts { q } else { piece.at(t) };
+            run_mm += at.distance(place);
+            at = place;
+            let tangent = piece.tangent(t);
+            out.push(CurvePoint { place, tangent, from: apart[n], to: apart[n + 1], share: run_mm });
+        }
+        // Values between two points change with the way, not with the spline's parameter, whose speed varies.
+        out[first..].iter_mut().for_each(|point| point.share /= run_mm);
     }
     out
 }
@@ -176,8 +183,14 @@ mod tests {
     fn lines_without_bends_and_without_length_are_kept() {
         let straight = [0.0, 1.0, 4.0, 4.5].map(|x| DVec3::X * x);
         let chain = smoothed(&straight, 0.01);
-        assert_eq!(chain.iter().map(|c| c.place).collect::<Vec<_>>(), straight);
+        assert!(straight.iter().all(|p| chain.iter().any(|c| c.place == *p)));
         assert!(chain.iter().all(|c| c.tangent.distance(DVec3::X) < 1e-12));
+        // Uneven steps need more points, which are as far along as their shares say.
+        for point in smoothed(&[0.0, 1.0, 9.0, 10.0].map(|x| DVec3::X * x), 0.01) {
+            let ends = [0.0, 1.0, 9.0, 10.0];
+            let expected = ends[point.from] + point.share * (ends[point.to] - ends[point.from]);
+            assert!((point.place.x - expected).abs() < 1e-12);
+        }
         let repeated = smoothed(&[DVec3::ZERO, DVec3::ZERO, DVec3::X, DVec3::X], 0.01);
         assert_eq!(repeated.iter().map(|c| c.place).collect::<Vec<_>>(), [DVec3::ZERO, DVec3::X]);
         assert_eq!((repeated[1].from, repeated[1].to), (0, 2));

@@ -255,10 +255,11 @@ fn scalars_beside_tracts_are_read_with_them_and_those_named_must_fit() {
     // One that was named, though beside them, must fit; without tracts it is refused.
     let mut spec = case_of(vec![], vec![mask("A", "a", None)]);
     spec.add_tracts(&[cst, folder.path().join("cst.md.tsf")]);
-    assert!(error(&spec).contains("cst.md.tsf: found 1 scalars in fibre 0, expected 2"));
+    let refused = |spec: &CaseSpec| load_from(spec, &LoadOptions::default(), &[]).unwrap_err().to_string();
+    assert!(refused(&spec).contains("cst.md.tsf: found 1 scalars in fibre 0, expected 2"));
     let mut spec = case_of(vec![], vec![mask("A", "a", None)]);
     spec.add_tracts(&[named]);
-    assert!(error(&spec).contains("scalars of fibres (.tsf)"));
+    assert!(refused(&spec).contains("scalars of fibres (.tsf)"));
 }
 
 #[test]

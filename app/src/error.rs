@@ -5,7 +5,7 @@ use std::path::Path;
 use glioscope_cohort::CohortError;
 use glioscope_core::{
     Cancelled, case::CaseError, change::ChangeError, distance::DistanceError, ellipsoid::EllipsoidError,
-    files::FileError, lesions::LesionsError, tumor_index::IndexError,
+    files::FileError, lesions::LesionsError, self_check::SelfCheckError, tumor_index::IndexError,
 };
 use glioscope_render::{GpuError, RenderError};
 
@@ -26,6 +26,9 @@ pub enum AppError {
     /// Two time points can't be compared.
     #[error(transparent)]
     Change(#[from] ChangeError),
+    /// The case can't check itself.
+    #[error(transparent)]
+    SelfCheck(#[from] SelfCheckError),
     /// Lesions can't be found.
     #[error(transparent)]
     Lesions(#[from] LesionsError),

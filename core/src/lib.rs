@@ -62,6 +62,7 @@ pub mod register;
 pub mod resample;
 pub mod response;
 pub mod sample;
+pub mod self_check;
 pub mod skeleton;
 pub mod surface;
 pub mod tract_distance;

@@ -13,7 +13,7 @@ pub struct Progress(Arc<Inner>);
 struct Inner {
     done: AtomicU64,
     total: AtomicU64,
-    cancelled: AtomicBool,
+    cancelled: Arc<AtomicBool>,
     label: Mutex<String>,
 }
 
@@ -51,6 +51,11 @@ impl Progress {
     /// Asks the worker to stop.
     pub fn cancel(&self) {
         self.0.cancelled.store(true, Ordering::Relaxed);
+    }
+
+    /// The progress of a part of the work: cancelled with the whole, but its work and label don't show.
+    pub fn part(&self) -> Self {
+        Self(Arc::new(Inner { cancelled: self.0.cancelled.clone(), ..Inner::default() }))
     }
 
     /// Sets the label of the current step: an id or the step's name, no patient data.

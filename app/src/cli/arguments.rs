@@ -24,6 +24,7 @@ use super::{
     parse::{self, LensArgument, TransferArgument, View, keyword},
     register::RegisterArguments,
     response::{ResponseArguments, ResponseOptions},
+    self_check::SelfCheckArguments,
     tracts::TractArguments,
     transform::TransformArguments,
 };
@@ -119,6 +120,8 @@ pub enum Task {
     Register(RegisterArguments),
     /// Report how the surface of a mask moved between two dates.
     Change(Box<ChangeArguments>),
+    /// Put known changes into a case's earlier date, and report what share of them is measured.
+    SelfCheck(Box<SelfCheckArguments>),
     /// Compute many cases, each in processes of its own, and write tables of all of them.
     Cohort(Box<CohortArguments>),
     /// Write masks or regions as files of other programs.
@@ -163,6 +166,9 @@ pub struct ReportArguments {
     /// The response by criteria that it has; none without --criteria or --history.
     #[command(flatten)]
     pub response: ResponseOptions,
+    /// Also check the change on this case, with known changes put in: up to a minute more.
+    #[arg(long)]
+    pub self_check: bool,
     /// Write over a file that exists.
     #[arg(long)]
     pub force: bool,

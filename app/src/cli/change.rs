@@ -6,6 +6,7 @@ use clap::{Args, ValueEnum};
 use glioscope_core::{
     change::{self, ChangeError, ChangeOptions, ChangeReport, DEFAULT_SMALLEST_ML, Flag, Lengths},
     decimal,
+    self_check::{self, Options, SelfCheckReport, Target},
     skeleton::{Level, SkeletonOptions},
 };
 
@@ -54,6 +55,9 @@ pub struct ChangeArguments {
     /// As JSON: see docs/json.md.
     #[arg(long)]
     pub json: bool,
+    /// Also check the change on this case, with known changes put in, as self-check does: up to a minute more.
+    #[arg(long)]
+    pub self_check: bool,
     /// Also write every vector to this file.
     #[arg(long, value_name = "FILE")]
     pub csv: Option<PathBuf>,
@@ -99,7 +103,28 @@ pub(super) fn run(arguments: &ChangeArguments) -> Result<(), AppError> {
     if let Some(path) = &arguments.csv {
         output::write(path, &case.inputs, &change::csv(&change))?;
     }
-    if arguments.json { terminal::print_json(&report) } else { terminal::print(&table(&report)) }
+    let checked = arguments.self_check.then(|| {
+        let options = Options { change: options, ..Options::default() };
+        let target = Target::of(&choice);
+        terminal::with_progress(|progress| self_check::self_check(&case, &target, &options, progress))
+    });
+    let checked = checked.transpose()?;
+    if !arguments.json {
+        let checked = checked.iter().flat_map(|checked| [String::new(), super::self_check::table(checked)]);
+        return terminal::print(
+            &std::iter::once(table(&report)).chain(checked).collect::<Vec<_>>().join("\n"),
+        );
+    }
+    let Some(checked) = checked else { return terminal::print_json(&report) };
+    terminal::print_json(&WithCheck { report: &report, self_check: &checked })
+}
+
+/// The change with the check on this case.
+#[derive(serde::Serialize)]
+struct WithCheck<'a> {
+    #[serde(flatten)]
+    report: &'a ChangeReport,
+    self_check: &'a SelfCheckReport,
 }
 
 /// The report as a text table.

@@ -25,6 +25,7 @@ mod report_folder;
 mod resolve;
 mod response;
 mod sample;
+mod self_check;
 mod terminal;
 mod tracts;
 mod transform;
@@ -95,6 +96,7 @@ fn execute(cli: Cli) -> Result<(), AppError> {
         }
         Some(Task::Tracts(arguments)) => tracts::run(&arguments),
         Some(Task::Change(arguments)) => change::run(&arguments),
+        Some(Task::SelfCheck(arguments)) => self_check::run(&arguments),
         Some(Task::Cohort(arguments)) => cohort::run(&arguments),
         Some(Task::Export(arguments)) => export::run(&arguments),
         Some(Task::Render(arguments)) => render::run(&arguments),

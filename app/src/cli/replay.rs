@@ -36,7 +36,7 @@ pub(super) fn run(arguments: ReplayArguments) -> Result<(), AppError> {
         recipe.response.as_ref().map(|response| asked(&path, response, history.as_deref())).transpose()?;
     let again = match (recipe.identity, given.reference()?) {
         (Identity::Full, None) => {
-            report::make(read_case(session, &given, None)?, (options, Form::Html), asked, software)?
+            report::make(read_case(session, &given, None)?, (options, Form::Html), asked, false, software)?
         }
         // Nothing was read: the embedded sample.
         (_, None) if recipe.inputs.is_empty() => {

@@ -23,13 +23,14 @@ use crate::{
 };
 
 pub(super) fn run(arguments: &ReportArguments) -> Result<(), AppError> {
-    let ReportArguments { case, out, identity, language, response, force, software } = arguments;
+    let ReportArguments { case, out, identity, language, response, self_check, force, software } = arguments;
     let Some(kind) = FileKind::of(out) else {
         let options = [
             ("identity", identity.is_some()),
             ("language", language.is_some()),
             ("criteria", response.criteria.is_some()),
             ("history", response.history.is_some()),
+            ("self-check", *self_check),
         ];
         if let Some((option, _)) = options.into_iter().find(|(_, given)| *given) {
             return Err(AppError::option(option, "a folder", format!("a file: {}", FileKind::ENDINGS)));
@@ -59,7 +60,7 @@ pub(super) fn run(arguments: &ReportArguments) -> Result<(), AppError> {
         Ok(filing)
     };
     let pages = |read: ReadCase, form: Form| -> Result<(Vec<u8>, String), AppError> {
-        let report = make(read, (options, form), asked, *software)?;
+        let report = make(read, (options, form), asked, *self_check, *software)?;
         Ok((report::write(&report, form, options.language)?, report.title))
     };
     let bytes = match kind {
@@ -158,9 +159,11 @@ pub(super) fn make(
     read: ReadCase,
     options: (Options, Form),
     asked: Option<Asked>,
+    self_check: bool,
     software: bool,
 ) -> Result<Report, AppError> {
-    let Anonymous { case, doc, names } = shown(read, options.0)?;
+    let Anonymous { case, mut doc, names } = shown(read, options.0)?;
+    doc.edit.change.self_check |= self_check;
     of_anonymous(&case, &doc, options, asked.map(|asked| asked.renamed(&names)).as_ref(), software)
 }
 

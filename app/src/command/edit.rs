@@ -468,7 +468,7 @@ impl EditCommand {
             }
             Self::SetEllipsoidLook(look) => edit.ellipsoids = *look,
             Self::SetEllipsoidOpacities(all) => edit.ellipsoid_opacities.clone_from(all),
-            Self::SetChange(setting) => edit.change.clone_from(setting),
+            Self::SetChange(setting) => edit.change = setting.as_ref().clone().checked_as(&edit.change),
             Self::SetAgreement(setting) => edit.agreement.clone_from(setting),
             Self::SetLesions(setting) => edit.lesions.clone_from(setting),
             Self::SetResponse(setting) => edit.response.clone_from(setting),

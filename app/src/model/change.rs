@@ -38,6 +38,9 @@ pub struct ChangeSetting {
     pub outlines_earlier: bool,
     /// Whether slices show the outlines of both time points and the change instead of the masks.
     pub on_slices: bool,
+    /// Whether the change is checked on this case, by known changes put into it.
+    #[serde(default)]
+    pub self_check: bool,
 }
 
 impl Default for ChangeSetting {
@@ -53,6 +56,7 @@ impl Default for ChangeSetting {
             smallest_ml: DEFAULT_SMALLEST_ML,
             outlines_earlier: false,
             on_slices: false,
+            self_check: false,
         }
     }
 }
@@ -70,6 +74,15 @@ impl ChangeSetting {
             smallest_ml: self.smallest_ml,
             ..ChangeOptions::default()
         }
+    }
+
+    /// Without the check on this case where `older` has it of another comparison.
+    #[must_use]
+    pub fn checked_as(self, older: &Self) -> Self {
+        let compares =
+            |s: &Self| (s.of.clone(), s.dates, s.registration_mm.to_bits(), s.smallest_ml.to_bits());
+        let self_check = self.self_check && (compares(&self) == compares(older) || !older.self_check);
+        Self { self_check, ..self }
     }
 
     /// The mask and time points compared in `case`. Where the case lacks the chosen ones (as with a session saved with

@@ -9,12 +9,14 @@ use glioscope_core::{
     measure::{
         self, Agreement, DateComparison, PAIR_METRICS, Pair, PairComparison, Raters, conventions::Comparison,
     },
+    self_check::SelfCheckReport,
 };
 
 use super::{
     document::{Block, Finding, Table},
     identity::{Identity, Redactor, initials},
     plot::{Plot, Series},
+    self_checks,
     sentences::finding,
 };
 use crate::words::Words;
@@ -40,6 +42,8 @@ pub struct Content<'a> {
     pub changes: &'a [ChangeReport],
     /// The masks of each date, compared.
     pub compared: &'a [DateComparison],
+    /// The check of the change on this case, where it was run.
+    pub self_check: Option<&'a SelfCheckReport>,
     /// The lesions; `None` without a mask.
     pub lesions: Option<&'a LesionsReport>,
     /// Sentences.
@@ -396,6 +400,9 @@ impl Content<'_> {
         if !self.changes.is_empty() {
             blocks.push(Block::Heading(words.get("section-change")));
             blocks.push(Block::Table(self.change_table()));
+            if let Some(report) = self.self_check {
+                blocks.extend(self_checks::blocks(report, &self.name(&report.mask), words));
+            }
         }
         let moved: Vec<(String, String)> =
             self.case.aligned.iter().map(|aligned| self.aligned(aligned)).collect();

@@ -15,6 +15,7 @@ mod pdf;
 mod plot;
 mod recipe;
 mod responses;
+mod self_checks;
 mod sentences;
 mod stated;
 
@@ -27,6 +28,7 @@ use glioscope_core::{
     lesions::LesionsReport,
     measure,
     response::{Evaluated, NewLesion},
+    self_check::{self, SelfCheckError, SelfCheckReport},
 };
 use glioscope_render::flat::Convention;
 
@@ -151,9 +153,11 @@ pub fn make(
         None => evaluate_now(case, doc, lesions.as_ref(), progress)?,
     };
     let evaluated = response.map(|(evaluated, _)| evaluated).or(own_response.as_ref());
+    let checked = self_checked(case, doc, progress)?;
     let content = Content {
         case,
         doc,
+        self_check: checked.as_ref(),
         changes: &changes,
         compared: &compared,
         lesions: lesions.as_deref(),
@@ -277,6 +281,23 @@ fn changes(
         reports.push(report);
     }
     Ok((reports, found))
+}
+
+/// The check of the comparison on this case, where it is asked for and can be done.
+fn self_checked(
+    case: &Case,
+    doc: &Document,
+    progress: &Progress,
+) -> Result<Option<SelfCheckReport>, AppError> {
+    let setting = &doc.edit.change;
+    let Some(choice) = setting.chosen(case).ok().filter(|_| setting.self_check) else { return Ok(None) };
+    let options = self_check::Options { change: setting.options(), ..self_check::Options::default() };
+    match self_check::self_check(case, &self_check::Target::of(&choice), &options, progress) {
+        Ok(report) => Ok(Some(report)),
+        // Both dates may be empty.
+        Err(SelfCheckError::Empty) => Ok(None),
+        Err(error) => Err(error.into()),
+    }
 }
 
 /// The panes that a report shows, with the keys of their captions.

@@ -23,6 +23,7 @@ use crate::{
     world::{
         comparison::Comparison,
         jobs::{Lookup, progress_text},
+        self_check::{self, CheckLine},
     },
 };
 
@@ -92,8 +93,15 @@ impl Pane for ChangePane {
             let setting = &input.doc.edit.change;
             let known = stage.results.comparison.cached(input.case, setting);
             let scale_mm = known.map(|compared| full_change_mm(setting, compared));
-            ui.horizontal_wrapped(|ui| controls(ui, &input, chosen, scale_mm, out));
+            let checked = self_checked(ui, stage);
+            ui.horizontal_wrapped(|ui| {
+                controls(ui, &input, chosen, scale_mm, out);
+                check_button(ui, &input, &checked, out);
+            });
         }
+        let setting = &input.doc.edit.change;
+        let checked = stage.results.self_check.cached(input.case, setting).filter(|_| setting.self_check);
+        let checked = checked.map(|report| self_check::lines(report)).unwrap_or_default();
         let rect = ui.available_rect_before_wrap();
         let response = ui.allocate_rect(rect, Sense::click_and_drag());
         if let Err(error) = chosen {
@@ -151,13 +159,14 @@ impl Pane for ChangePane {
         let hover_text = self.canvas.hover().map(|pick| pick_text(&compared, pick));
         partner_line(ui, &view, self.canvas.hover());
         ruler::draw_3d(&ui.painter().with_clip_rect(rect), input.doc, &view.camera, rect, None);
-        legend(ui, &input, rect, &compared, &scene.look);
+        legend(ui, &input, rect, (&compared, &checked), &scene.look);
         marks::corners(ui, rect, input.sides_known(), (&view.camera, "at the middle"), true);
         self.canvas.draw_overlays(ui, &view, &response, &outcome, hover_text.as_deref());
         response.widget_info(|| {
             let [from, to] = &compared.labels;
-            let what =
-                format!("Change of {} from {from} to {to}", input.doc.edit.masks.name(&compared.report.mask));
+            let mask = input.doc.edit.masks.name(&compared.report.mask);
+            let lines: String = checked.iter().map(|line| format!("; {}", line.text)).collect();
+            let what = format!("Change of {mask} from {from} to {to}{lines}");
             WidgetInfo::labeled(Role::Canvas, true, self.canvas.accessible_text(&what, hover_text.as_deref()))
         });
     }
@@ -205,6 +214,61 @@ fn partner_line(ui: &Ui, view: &View<'_>, hover: Option<&ChangePick>) {
     if let [Some(from), Some(to)] = ends {
         let painter = ui.painter().with_clip_rect(view.rect);
         ruler::line(&painter, [from, to], ruler::Look::Solid, "");
+    }
+}
+
+/// How far the check on this case is.
+enum Checked {
+    /// Not asked for.
+    No,
+    /// A worker is at it: how far.
+    Working(String),
+    /// Done.
+    Done,
+    /// Why it can't be done.
+    Failed(String),
+}
+
+/// Starts the check on this case where it is asked for, and ends one that isn't any more.
+fn self_checked(ui: &Ui, stage: &mut Stage<'_>) -> Checked {
+    let setting = &stage.input.doc.edit.change;
+    if !setting.self_check {
+        stage.results.self_check.stop();
+        return Checked::No;
+    }
+    match stage.results.self_check.get(stage.input.case, setting, stage.ask) {
+        Some(Lookup::Ready(_)) => Checked::Done,
+        Some(Lookup::Working(progress)) => {
+            ui.request_repaint_after(std::time::Duration::from_millis(250));
+            Checked::Working(progress_text(progress))
+        }
+        Some(Lookup::Failed(error)) => Checked::Failed(error.to_string()),
+        None => Checked::No,
+    }
+}
+
+/// The button that starts the check on this case, stops it, or hides what it found.
+fn check_button(ui: &mut Ui, input: &Input<'_>, checked: &Checked, out: &mut Commands) {
+    let (text, tip) = match checked {
+        Checked::No => (
+            "Check on this case",
+            "Puts known changes into the earlier date and tells what share of them is measured: up to a minute",
+        ),
+        Checked::Working(_) => ("Stop the check", "Ends the check on this case"),
+        Checked::Done | Checked::Failed(_) => {
+            ("Hide the check", "Takes what the check found out of this view")
+        }
+    };
+    if ui.button(text).on_hover_text(tip).clicked() {
+        let setting = input.doc.edit.change.clone();
+        let self_check = matches!(checked, Checked::No);
+        out.push(EditCommand::SetChange(Box::new(ChangeSetting { self_check, ..setting })));
+    }
+    match checked {
+        Checked::Working(text) | Checked::Failed(text) => {
+            ui.label(text);
+        }
+        Checked::No | Checked::Done => {}
     }
 }
 
@@ -283,8 +347,14 @@ fn controls(ui: &mut Ui, input: &Input<'_>, chosen: &Choice, scale_mm: Option<f6
     }
 }
 
-/// Colour ramps with their range and statistics, and the flags.
-fn legend(ui: &Ui, input: &Input<'_>, rect: Rect, compared: &Comparison, look: &ChangeLook) {
+/// Colour ramps with their range and statistics, the flags, and what the check on this case found.
+fn legend(
+    ui: &Ui,
+    input: &Input<'_>,
+    rect: Rect,
+    (compared, checked): (&Comparison, &[CheckLine]),
+    look: &ChangeLook,
+) {
     let dark = ui.visuals().dark_mode;
     let ink = Tokens::of(dark).text;
     let painter = ui.painter().with_clip_rect(rect);
@@ -344,9 +414,14 @@ fn legend(ui: &Ui, input: &Input<'_>, rect: Rect, compared: &Comparison, look: &
         lines.insert(0, (None, format!("{}: {from} to {to}", input.doc.edit.masks.name(&report.mask))));
     }
     let font = theme::font(LABEL_POINTS);
+    let amber = Tokens::of(dark).warning;
+    let of_check =
+        checked.iter().map(|line| (None, line.text.clone(), if line.marked { amber } else { ink }));
     let galleys: Vec<_> = lines
         .into_iter()
-        .map(|(color, text)| {
+        .map(|(color, text)| (color, text, ink))
+        .chain(of_check)
+        .map(|(color, text, ink)| {
             (color, painter.layout(text, font.clone(), ink, (rect.width() - 40.0).max(80.0)))
         })
         .collect();

@@ -188,6 +188,13 @@ impl<K: PartialEq, V: Send + 'static> Derived<K, V> {
         self.cached.as_ref()?.1.as_ref().ok()
     }
 
+    /// Cancels a worker that is computing one.
+    pub fn stop(&mut self) {
+        if let Some((_, job)) = self.job.take() {
+            job.progress.cancel();
+        }
+    }
+
     /// Whether a worker is computing one. Takes what a worker has finished: nobody may ask for it any more.
     pub fn working(&mut self) -> bool {
         self.receive();

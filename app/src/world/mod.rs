@@ -12,6 +12,7 @@ pub mod make_mask;
 pub mod numbers;
 pub mod places;
 pub mod response;
+pub mod self_check;
 mod session_case;
 pub mod slice_plane;
 pub mod spoken;
@@ -242,6 +243,8 @@ pub struct Results {
     pub image: image::ImageResult,
     /// The comparison of two time points.
     pub comparison: comparison::Comparisons,
+    /// The check of the comparison on the case itself.
+    pub self_check: self_check::SelfChecks,
     /// Ellipsoids of all connected components.
     pub ellipsoids: ellipsoids::Ellipsoids,
     /// Fibre tracts as tubes, and the selection for distance queries.

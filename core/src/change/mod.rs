@@ -7,6 +7,7 @@
 //! length is accompanied by the plain distance to the nearest surface voxel and by its uncertainty, the smallest change
 //! that can be distinguished from none.
 
+mod call;
 mod cavities;
 mod choice;
 mod groups;
@@ -29,10 +30,12 @@ use crate::{
     skeleton::{ForceSource, Skeleton, SkeletonError, SkeletonOptions, skeleton_with},
 };
 
+pub use call::{Call, MOVED_SHARE, mean_move_mm};
 pub use cavities::Cavities;
 use cavities::Enclosing;
 pub use choice::{Choice, ids_at};
 pub use groups::{Fate, Group, Part};
+pub(crate) use report::registration_mm;
 pub use report::{
     ChangeReport, Counters, GroupReport, NearestReport, PartReport, UncertaintyReport, between, csv, report,
 };
@@ -59,6 +62,9 @@ pub struct ChangeOptions {
     pub smallest_ml: f64,
     /// Whether both masks are taken to lie in one space; otherwise only volumes are compared.
     pub is_aligned: bool,
+    /// Whether partners are found through the skeleton. Without it each is the nearest voxel of the other surface: another length, but
+    /// what is within uncertainty is the same, and so is the call.
+    pub by_skeleton: bool,
 }
 
 impl Default for ChangeOptions {
@@ -69,6 +75,7 @@ impl Default for ChangeOptions {
             uses_consistency: true,
             smallest_ml: DEFAULT_SMALLEST_ML,
             is_aligned: true,
+            by_skeleton: true,
         }
     }
 }
@@ -407,7 +414,7 @@ pub fn change_with(
     }
     let mut points = Vec::new();
     // Components without a counterpart don't need the skeleton.
-    if outer().any(|s| groups.list[s.group as usize].kept_voxels > 0) {
+    if options.by_skeleton && outer().any(|s| groups.list[s.group as usize].kept_voxels > 0) {
         out.skeleton = skeleton_with(&both, grid, &options.skeleton, source, progress)?;
         let shared_surface: Vec<SurfaceVoxel> = surfaces.all[0]
             .iter()

@@ -4,8 +4,8 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::{
-    COVERAGE, Change, ChangeCounts, ChangeError, ChangeOptions, Choice, Fate, Flag, Histogram, Lengths, Part,
-    Sampling, SurfaceChange, change_with,
+    COVERAGE, Call, Change, ChangeCounts, ChangeError, ChangeOptions, Choice, Fate, Flag, Histogram, Lengths,
+    Part, Sampling, SurfaceChange, change_with, mean_move_mm,
 };
 use crate::{
     Check, Grid, Progress,
@@ -41,8 +41,12 @@ pub struct ChangeReport {
     pub growth: Lengths,
     /// Lengths of inward vectors.
     pub recession: Lengths,
+    /// Mean movement of the surface by the vectors, growth positive: see [`super::mean_move_mm`].
+    pub mean_mm: Option<f64>,
     /// Number of vectors shorter than their uncertainty.
     pub within_uncertainty: usize,
+    /// What is called of the change as a whole.
+    pub call: Call,
     /// Number of voxels that contain a skeleton point.
     pub skeleton_points: u64,
     /// Uncertainty: shorter lengths can't be distinguished from no change.
@@ -86,6 +90,8 @@ pub struct NearestReport {
     pub growth: Lengths,
     /// From voxels with inward vectors.
     pub recession: Lengths,
+    /// Mean movement of the surface by these distances, growth positive: see [`super::mean_move_mm`].
+    pub mean_mm: Option<f64>,
 }
 
 /// Cavities, and how far their walls moved to the nearest wall of the other time point.
@@ -210,6 +216,8 @@ pub fn report(change: &Change, grid: &Grid, mask: &str, from: &str, to: &str) ->
         vectors: change.vectors.len(),
         growth,
         recession,
+        mean_mm: mean_move_mm(change, |v| v.signed_mm.abs()),
+        call: Call::of(change),
         within_uncertainty: change.vectors.iter().filter(|v| v.flags.within_uncertainty).count(),
         skeleton_points: change.skeleton_voxels,
         uncertainty_mm: UncertaintyReport {
@@ -220,7 +228,11 @@ pub fn report(change: &Change, grid: &Grid, mask: &str, from: &str, to: &str) ->
             formula: "coverage * sqrt(from_voxel_mm^2 / 12 + to_voxel_mm^2 / 12 + resampling_mm^2 + registration_mm^2), each mask's own voxels; resampling: what resampling onto the case grid moved",
         },
         histogram: Histogram::of(change.vectors.iter().map(|v| v.signed_mm)),
-        nearest: NearestReport { growth: nearest.0, recession: nearest.1 },
+        nearest: NearestReport {
+            growth: nearest.0,
+            recession: nearest.1,
+            mean_mm: mean_move_mm(change, |v| v.nearest_mm),
+        },
         cavities: CavitiesReport {
             from_ml: grid.volume_ml(change.cavities.from_voxels),
             to_ml: grid.volume_ml(change.cavities.to_voxels),
@@ -288,7 +300,7 @@ pub fn csv(change: &Change) -> Vec<u8> {
 
 /// Standard deviation along each axis of the registration between two dates, from the consistency of those that were run;
 /// `None` where none was. The 95th percentile of a distance whose parts are normal is 2.80 of it.
-fn registration_mm(case: &Case, id: &str, times: [&str; 2]) -> Option<f64> {
+pub(crate) fn registration_mm(case: &Case, id: &str, times: [&str; 2]) -> Option<f64> {
     let of = |time: &str| {
         let moved = case.aligned.iter().find(|a| a.is_mask && a.id == id && a.time == time)?;
         moved.consistency_mm.map(|mm| mm / P95_OF_UNIT_ERRORS)

@@ -33,12 +33,13 @@ use crate::PROGRAM;
 pub type Outputs = fn(&Made) -> Vec<Value>;
 
 /// Schemas by name, and what makes outputs that have all that they describe: answers of the command line.
-pub const ANSWERS: [(&str, Outputs); 10] = [
+pub const ANSWERS: [(&str, Outputs); 11] = [
     ("measure", measures),
     ("ellipsoids", ellipsoids),
     ("lesions", found_lesions),
     ("response", responses),
     ("change", changes),
+    ("self-check", self_checks),
     ("info", infos),
     ("tracts", tracts),
     ("transform", transforms),
@@ -243,6 +244,16 @@ date = "2024-03-01"
 new_lesion = "measurable"
 "#;
 
+/// With an image and without one; of one run, which has no standard error.
+fn self_checks(made: &Made) -> Vec<Value> {
+    let few = ["--unchanged", "2", "--runs", "1"];
+    vec![
+        answer(&[&["self-check", "--sample", "--json"][..], &few].concat()).0,
+        of_case("self-check", &made.masks(&["large"]), &["--unchanged", "1", "--runs", "2"]),
+        of_case("self-check", &made.dates(&[("large", "2024-01-01"), ("small", "2024-02-01")]), &few),
+    ]
+}
+
 fn changes(made: &Made) -> Vec<Value> {
     let change = |names: [&str; 2], more: &[&str]| {
         of_case("change", &made.dates(&[(names[0], "2024-01-01"), (names[1], "2024-02-01")]), more)
@@ -253,6 +264,7 @@ fn changes(made: &Made) -> Vec<Value> {
         answer(&["change", "--sample", "--json"]).0,
         change(["large", "moved"], &["--level", "2", "--transform", &moved]),
         change(["small", "large"], &[]),
+        change(["large", "small"], &["--self-check"]),
         change(["large", "large"], &[]),
         change(["large", "voxel"], &[]),
         change(["large", "empty"], &[]),

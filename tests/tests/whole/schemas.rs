@@ -17,8 +17,13 @@ const BASE: &str = "https://glioscope.invalid/";
 /// The schema of parts, which is of no output.
 const COMMON: &str = "common";
 /// Keys that an output may lack: schema, key.
-const OPTIONAL: [(&str, &str); 4] =
-    [("measure", "statistics"), ("measure", "raters"), ("info", "cross_check"), ("recipe", "response")];
+const OPTIONAL: [(&str, &str); 5] = [
+    ("measure", "statistics"),
+    ("measure", "raters"),
+    ("change", "self_check"),
+    ("info", "cross_check"),
+    ("recipe", "response"),
+];
 /// What is described as no more than an object: schema, place.
 const OPEN: (&str, &str) = ("recipe", "/session");
 

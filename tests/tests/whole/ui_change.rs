@@ -109,6 +109,53 @@ fn the_arrow_threshold_removes_arrows_and_is_undone() {
     assert_eq!(doc(&harness).edit.change.style, ChangeStyle::Height);
 }
 
+/// Two dates of a ball without an image: the check is asked for with a button, its result is in the view, and goes when asked or when
+/// something else is compared.
+#[test]
+fn the_change_is_checked_on_the_case() {
+    let folder = tempfile::tempdir().unwrap();
+    let ball = |name: &str, radius: f64| {
+        let path = folder.path().join(name);
+        glioscope_tests::write_cube(&path, 26, 1.0, |v| {
+            u8::from(DVec3::from_array(v.map(|i| i as f64 - 12.6)).length() < radius)
+        });
+        path.display().to_string()
+    };
+    let masks = [("a.nii", 7.0, "2024-01-01"), ("b.nii", 8.0, "2024-02-01")];
+    let masks = masks.map(|(name, radius, date)| format!("M={}@{date}", ball(name, radius)));
+    let case = CaseRef::Arguments { masks: masks.into(), contexts: Vec::new() };
+    for theme in [Theme::Light, Theme::Dark] {
+        let mut harness = window_on(case.clone(), SIZE, theme);
+        harness.run_ok();
+        maximized(&mut harness, PaneId::Change);
+        let before = pane_picture(&mut harness, PaneId::Change);
+        assert!(harness.query_by_label_contains("false calls").is_none());
+        harness.get_by_label("Check on this case").click();
+        harness.run_ok();
+        assert!(doc(&harness).edit.change.self_check);
+        assert!(harness.query_by_label_contains("false calls 0 of 100").is_some());
+        assert!(harness.query_by_label_contains("known +2 mm").is_some());
+        let after = pane_picture(&mut harness, PaneId::Change);
+        if let Some(folder) = std::env::var_os("GLIOSCOPE_TEST_PICTURES") {
+            after.save(std::path::Path::new(&folder).join(format!("self-check-{theme:?}.png"))).unwrap();
+        }
+        let changed = before.pixels().zip(after.pixels()).filter(|(a, b)| a != b).count();
+        assert!(changed > 3000, "lines of text: {changed} pixels");
+        // What is compared otherwise isn't checked any more.
+        set(&mut harness, |s| s.smooth_mm = 2.0);
+        assert!(doc(&harness).edit.change.self_check);
+        set(&mut harness, |s| s.registration_mm = 0.2);
+        assert!(!doc(&harness).edit.change.self_check);
+        assert!(harness.query_by_label_contains("false calls").is_none());
+        harness.get_by_label("Check on this case").click();
+        harness.run_ok();
+        harness.get_by_label("Hide the check").click();
+        harness.run_ok();
+        assert!(!doc(&harness).edit.change.self_check);
+        assert!(harness.query_by_label_contains("false calls").is_none());
+    }
+}
+
 /// Three dates made of the sample's two: the pair is chosen on the chart and with the buttons.
 #[test]
 fn two_of_three_dates_are_chosen_on_the_chart() {

@@ -13,6 +13,7 @@ mod random;
 mod report;
 mod run;
 mod shape;
+mod sites;
 #[cfg(test)]
 mod tests;
 
@@ -29,13 +30,14 @@ use crate::{
     surface,
 };
 use picture::{Picture, WORKING_MM};
-use plan::{Known, Side, Sites};
+use plan::{Known, Side};
 use random::Random;
 pub use report::{
     Comes, GOOD, LesionCheck, Recovered, RegistrationCheck, SelfCheckReport, SurfaceCheck, Unchanged, Where,
 };
 use run::{Bench, MOST_DEGREES, MOST_GAIN, MOST_MM, Measured, NOISE};
 use shape::{Shape, looked_up};
+use sites::Sites;
 
 /// Known movements of the surface, mm.
 const MOVES_MM: [f64; 5] = [-2.0, -1.0, 0.0, 1.0, 2.0];

@@ -28,12 +28,12 @@ pub struct SelfCheckArguments {
     /// The date with which it is compared, whose registration says how uncertain a change is; without it the last.
     #[arg(long, value_name = "LABEL")]
     pub to: Option<String>,
-    /// Runs without change.
-    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u16).range(1..=10_000))]
-    pub unchanged: u16,
-    /// Runs of each known change.
-    #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u16).range(1..=1000))]
-    pub runs: u16,
+    /// Runs without change; without it 100, of a large lesion fewer, so that it takes about a minute.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=10_000))]
+    pub unchanged: Option<u16>,
+    /// Runs of each known change; without it 6, of a large lesion fewer.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1000))]
+    pub runs: Option<u16>,
     /// Seed of the random numbers: the same seed gives the same answer.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
@@ -52,17 +52,19 @@ pub struct SelfCheckArguments {
 pub(super) fn run(arguments: &SelfCheckArguments) -> Result<(), AppError> {
     let case = arguments.case.read(true)?.case;
     let target = target(&case, arguments)?;
+    let defaults = Options::default();
     let options = Options {
         seed: arguments.seed,
-        unchanged_runs: arguments.unchanged.into(),
-        runs: arguments.runs.into(),
+        unchanged_runs: arguments.unchanged.map_or(defaults.unchanged_runs, usize::from),
+        runs: arguments.runs.map_or(defaults.runs, usize::from),
+        fits_minute: arguments.unchanged.is_none() && arguments.runs.is_none(),
         change: ChangeOptions {
             registration_mm: arguments.registration_mm.unwrap_or(change::DEFAULT_REGISTRATION_MM),
             uses_consistency: arguments.registration_mm.is_none(),
             smallest_ml: arguments.smallest,
             ..ChangeOptions::default()
         },
-        ..Options::default()
+        ..defaults
     };
     let report =
         terminal::with_progress(|progress| self_check::self_check(&case, &target, &options, progress))?;

@@ -52,6 +52,8 @@ const MOST_POINTS: usize = 500;
 const RUN_POINTS: usize = 20_000;
 /// Runs without change of which one may have a false call.
 const ONE_IN: usize = 100;
+/// Voxels of a lesion's box up to which all runs fit into a minute.
+const MOST_VOXELS: usize = 1_500_000;
 /// Share of lesions that must be found.
 const FOUND: f64 = 0.9;
 
@@ -66,13 +68,47 @@ pub struct Options {
     pub runs: usize,
     /// Registrations repeated on the image as it is, 0 to 100.
     pub full_runs: usize,
+    /// Whether large lesions have fewer runs than these, so that it takes about a minute.
+    pub fits_minute: bool,
     /// What changes are computed and called with.
     pub change: ChangeOptions,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { seed: 1, unchanged_runs: 100, runs: 6, full_runs: 2, change: ChangeOptions::default() }
+        Self {
+            seed: 1,
+            unchanged_runs: 100,
+            runs: 6,
+            full_runs: 2,
+            fits_minute: true,
+            change: ChangeOptions::default(),
+        }
+    }
+}
+
+impl Options {
+    /// With as many runs as fit into a minute on two cores, for a lesion whose box has this many voxels.
+    fn fitting(self, voxels: usize, notes: &mut Vec<String>) -> Self {
+        if !self.fits_minute || voxels <= MOST_VOXELS {
+            return self;
+        }
+        let share = |runs: usize, least: usize| {
+            let fitting = (runs as f64 * MOST_VOXELS as f64 / voxels as f64).floor() as usize;
+            fitting.max(least.min(runs))
+        };
+        let fitting = Self {
+            unchanged_runs: share(self.unchanged_runs, 10),
+            runs: share(self.runs, 1),
+            full_runs: self.full_runs.min(1),
+            ..self
+        };
+        notes.push(format!(
+            "The lesion is large: {} runs without change in place of {}, {} of each known change in place of {}, so that it takes about \
+             a minute.",
+            fitting.unchanged_runs, self.unchanged_runs, fitting.runs, self.runs
+        ));
+        fitting
     }
 }
 
@@ -224,6 +260,7 @@ impl Check<'_> {
         let native = self.native(&mut notes);
         let most_mm = MOVES_MM.into_iter().fold(0.0, f64::max);
         let shape = Shape::new(&native, most_mm, &progress.part())?.ok_or(SelfCheckError::Empty)?;
+        let options = &options.fitting(shape.grid().voxel_count(), &mut notes);
         let surface_mm = surface::points_mm(&[&native], MOST_POINTS);
         let whole_mm = surface::points_mm(&[&native], usize::MAX);
         let picture = self.image.and_then(|image| Picture::coarse(&image.volume, &shape));

@@ -295,25 +295,34 @@ fn unsigned_mm(
     for (at, (first, last)) in (0..).zip(&boxes) {
         by_slice.iter_mut().take(last[2] + 1).skip(first[2]).for_each(|slice| slice.push(at));
     }
-    let mut squares = vec![(most_mm * most_mm) as f32; grid.voxel_count()];
-    let slices = squares.par_chunks_mut((dims[0] * dims[1]).max(1)).zip(&by_slice).enumerate();
-    slices.try_for_each(|(z, (squares, near))| {
+    // A ball around each triangle: most voxels of its box lie nearer to another one, which the ball tells at once.
+    let balls: Vec<(DVec3, f64)> = triangles
+        .iter()
+        .map(|[a, b, c]| {
+            let middle = (*a + *b + *c) / 3.0;
+            (middle, [a, b, c].into_iter().map(|corner| corner.distance(middle)).fold(0.0, f64::max))
+        })
+        .collect();
+    let mut all_mm = vec![most_mm as f32; grid.voxel_count()];
+    let slices = all_mm.par_chunks_mut((dims[0] * dims[1]).max(1)).zip(&by_slice).enumerate();
+    slices.try_for_each(|(z, (distances_mm, near))| {
         progress.check()?;
-        for &at in near {
-            let ([first, last], triangle) =
-                ([boxes[at as usize].0, boxes[at as usize].1], &triangles[at as usize]);
+        for at in near.iter().map(|at| *at as usize) {
+            let ((first, last), (middle, radius_mm)) = (boxes[at], balls[at]);
             for y in first[1]..=last[1] {
                 for x in first[0]..=last[0] {
-                    let square = square_to(triangle, grid.center_of_voxel_mm([x, y, z])) as f32;
-                    let least = &mut squares[y * dims[0] + x];
-                    *least = least.min(square);
+                    let place_mm = grid.center_of_voxel_mm([x, y, z]);
+                    let least_mm = &mut distances_mm[y * dims[0] + x];
+                    let reach_mm = f64::from(*least_mm) + radius_mm;
+                    if place_mm.distance_squared(middle) < reach_mm * reach_mm {
+                        *least_mm = least_mm.min(square_to(&triangles[at], place_mm).sqrt() as f32);
+                    }
                 }
             }
         }
         Ok::<(), Cancelled>(())
     })?;
-    squares.par_iter_mut().for_each(|square| *square = square.sqrt());
-    Ok(squares)
+    Ok(all_mm)
 }
 
 /// Square of the distance of `p` to a triangle (Ericson 2005, 5.1.5).

@@ -272,3 +272,18 @@ fn short_moves_of_a_slanted_face_are_measured_as_the_lattice_says() {
     let expected = 2_f64.sqrt() * move_mm;
     assert!((sum_mm / count - expected).abs() < 0.04, "{} {expected}", sum_mm / count);
 }
+
+#[test]
+fn large_lesions_have_fewer_runs_and_it_is_said() {
+    let mut notes = Vec::new();
+    let options = Options::default();
+    assert_eq!(options.fitting(1_500_000, &mut notes), options);
+    assert_eq!(Options { fits_minute: false, ..options }.fitting(9_000_000, &mut notes).unchanged_runs, 100);
+    assert!(notes.is_empty());
+    let fewer = options.fitting(6_000_000, &mut notes);
+    assert_eq!((fewer.unchanged_runs, fewer.runs, fewer.full_runs), (25, 1, 1));
+    assert!(notes[0].contains("25 runs without change in place of 100"), "{notes:?}");
+    let fewest = options.fitting(600_000_000, &mut notes);
+    assert_eq!((fewest.unchanged_runs, fewest.runs), (10, 1));
+    assert_eq!(Options { unchanged_runs: 3, ..options }.fitting(600_000_000, &mut notes).unchanged_runs, 3);
+}

@@ -160,6 +160,9 @@ pub struct ReportArguments {
     /// How much of the patient's identity a file has; without it none. A folder's files are for other programs and name the case.
     #[arg(long, value_enum)]
     pub identity: Option<Identity>,
+    /// Name the reader of a session in a report that doesn't identify the patient in full.
+    #[arg(long)]
+    pub name_reader: bool,
     /// The language of a file.
     #[arg(long, value_enum)]
     pub language: Option<Language>,

@@ -30,7 +30,8 @@ pub(super) fn run(arguments: ReplayArguments) -> Result<(), AppError> {
     let bytes = read(&path)?;
     let recipe = recipe(&path, &bytes)?;
     let given = CaseArguments { path: of, parts: case, tracts: Vec::new() };
-    let options = Options { identity: recipe.identity, language: recipe.language };
+    let Recipe { identity, language, names_reader, .. } = recipe;
+    let options = Options { identity, language, names_reader };
     let session = session(&path, &recipe)?;
     let asked =
         recipe.response.as_ref().map(|response| asked(&path, response, history.as_deref())).transpose()?;

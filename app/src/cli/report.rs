@@ -23,7 +23,8 @@ use crate::{
 };
 
 pub(super) fn run(arguments: &ReportArguments) -> Result<(), AppError> {
-    let ReportArguments { case, out, identity, language, response, self_check, force, software } = arguments;
+    let ReportArguments { case, out, identity, name_reader, language, response, self_check, force, software } =
+        arguments;
     let Some(kind) = FileKind::of(out) else {
         let options = [
             ("identity", identity.is_some()),
@@ -41,7 +42,11 @@ pub(super) fn run(arguments: &ReportArguments) -> Result<(), AppError> {
         }
         return report_folder::run(case, out, *force, *software);
     };
-    let options = Options { identity: identity.unwrap_or_default(), language: language.unwrap_or_default() };
+    let options = Options {
+        identity: identity.unwrap_or_default(),
+        language: language.unwrap_or_default(),
+        names_reader: *name_reader,
+    };
     kind.check_language(options.language)?;
     let asked = Asked::of(response)?;
     if asked.is_some() && kind == FileKind::Structured {

@@ -110,6 +110,8 @@ pub struct Workstation {
     pub error: Option<AppError>,
     /// The last completed action, for the status line.
     pub notice: Option<Notice>,
+    /// How often a case was installed: what was derived of another one isn't shown of this.
+    pub installed: u64,
 }
 
 /// What was completed, and what it wrote.
@@ -168,6 +170,7 @@ impl Workstation {
     fn install(&mut self, case: CaseRef, loaded: Loaded, document: Option<Document>) {
         let before = self.doc.as_ref().map(|doc| (self.world.time_point_count(), doc.edit.layout.clone()));
         self.world = World::new(loaded);
+        self.installed += 1;
         // Whoever opens a case wants to see it.
         if let Some(cohort) = &mut self.cohort {
             cohort.is_shown = false;

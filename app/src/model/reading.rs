@@ -17,4 +17,40 @@ pub struct Reading {
     /// The day on which that was written, 2024-01-31; empty: not known.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub day: String,
+    /// The calls in words as they were last taken over into the conclusion; empty: they weren't.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub taken: String,
+}
+
+impl Reading {
+    /// Whether the conclusion repeats calls that were taken over and are none of `now`, the calls as they are, by language.
+    pub fn repeats_old_calls(&self, now: &[Option<String>]) -> bool {
+        let is_there = !self.taken.is_empty() && self.conclusion.contains(&self.taken);
+        is_there && !now.iter().flatten().any(|calls| *calls == self.taken)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn calls_that_changed_after_they_were_taken_over_are_old_in_any_language() {
+        let now = [Some("SD now".to_owned()), Some("jetzt SD".to_owned())];
+        let of = |conclusion: &str, taken: &str| Reading {
+            conclusion: conclusion.into(),
+            taken: taken.into(),
+            ..Reading::default()
+        };
+        assert!(of("Seen. PD then. Later.", "PD then.").repeats_old_calls(&now));
+        for not in [
+            of("Seen. SD now", "SD now"),
+            of("Seen. jetzt SD", "jetzt SD"),
+            of("In the reader's own words", "PD then."),
+            of("PD then.", ""),
+        ] {
+            assert!(!not.repeats_old_calls(&now), "{not:?}");
+        }
+        assert!(of("PD then.", "PD then.").repeats_old_calls(&[]), "there are none any more");
+    }
 }

@@ -61,8 +61,12 @@ pub fn anonymous(case: &Arc<Case>, doc: Document, options: Options) -> Result<An
         doc.edit.response.anonymous(|text| redactor.text(text));
     }
     if options.identity != Identity::Full {
-        doc.edit.reading.reader.clear();
-        doc.edit.reading.conclusion = redactor.text(&doc.edit.reading.conclusion);
+        let reading = &mut doc.edit.reading;
+        if !options.names_reader {
+            reading.reader.clear();
+        }
+        reading.conclusion = redactor.text(&reading.conclusion);
+        reading.taken = redactor.text(&reading.taken);
         for made in &mut doc.edit.made {
             (made.author, made.how) = (None, redactor.text(&made.how));
         }

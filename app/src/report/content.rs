@@ -166,7 +166,7 @@ impl Content<'_> {
 
     /// What the reader concludes, and who that is.
     pub fn conclusion(&self) -> Vec<Block> {
-        let Reading { conclusion, reader, day } = &self.doc.edit.reading;
+        let Reading { conclusion, reader, day, taken: _ } = &self.doc.edit.reading;
         let lines = conclusion.lines().map(str::trim).filter(|line| !line.is_empty());
         let mut blocks: Vec<Block> = lines.map(|line| Block::Text(self.redactor.text(line))).collect();
         let is_named = !reader.trim().is_empty();

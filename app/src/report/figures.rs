@@ -26,6 +26,7 @@ pub fn pdf_of(title: &str, plots: Vec<Plot>) -> Result<Vec<u8>, String> {
         glioscope_report: VERSION,
         program: format!("Glioscope {}", env!("CARGO_PKG_VERSION")),
         adapter: String::new(),
+        names_reader: false,
         identity: Identity::None,
         language: Language::En,
         inputs: Vec::new(),

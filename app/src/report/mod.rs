@@ -87,6 +87,8 @@ pub struct Options {
     pub identity: Identity,
     /// Its language.
     pub language: Language,
+    /// Whether it names its reader though it doesn't identify the patient in full.
+    pub names_reader: bool,
 }
 
 /// The form of a report's file.
@@ -174,6 +176,7 @@ pub fn make(
         program: format!("Glioscope {}", env!("CARGO_PKG_VERSION")),
         adapter: painter.adapter(),
         identity: options.identity,
+        names_reader: options.names_reader,
         language: options.language,
         inputs: inputs.collect::<Result<_, _>>()?,
         response: response.map(|(_, recipe)| recipe.clone()),
@@ -181,9 +184,17 @@ pub fn make(
     };
     let mut blocks = content.header();
     let contradictions = evaluated.map_or(&[][..], |evaluated| &evaluated.contradictions);
+    let now = evaluated.map(|evaluated| {
+        [Language::En, Language::De].map(|language| {
+            calls_in_words(evaluated, lesions.as_deref(), &self::words(language))
+                .map(|text| redactor.text(&text))
+        })
+    });
+    let repeats_old = doc.edit.reading.repeats_old_calls(now.as_ref().map_or(&[], |now| now.as_slice()));
+    let old_calls: Vec<String> = repeats_old.then(|| words.get("conclusion-old")).into_iter().collect();
     let contradictions: Vec<String> =
         contradictions.iter().map(|phrase| sentences::phrase(phrase, &words)).collect();
-    let (warnings, notes) = content.findings(&own, &contradictions);
+    let (warnings, notes) = content.findings(&own, &[contradictions, old_calls].concat());
     blocks.extend(warnings);
     blocks.extend(content.conclusion());
     let of_response =

@@ -27,6 +27,9 @@ pub struct Recipe {
     pub adapter: String,
     /// How much of the patient's identity the report has.
     pub identity: Identity,
+    /// Whether it names its reader though it doesn't identify the patient in full.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub names_reader: bool,
     /// Its language.
     pub language: Language,
     /// The files that were read.

@@ -122,6 +122,12 @@ pub struct GlioscopeApp {
     pub cohort: CohortView,
     /// Results derived from the case.
     pub results: Results,
+    /// [`Workstation::installed`] of the case that they are of.
+    results_of: u64,
+    /// The folder that a file of this case was last written to, with [`Workstation::installed`] of the case.
+    written_to: Option<(u64, PathBuf)>,
+    /// A file being opened by the desktop.
+    opening: Option<(PathBuf, Job<()>)>,
     ask: Ask,
     open: OpenParts,
     palette: CommandPalette,
@@ -165,6 +171,9 @@ impl GlioscopeApp {
         work.answers = Answers::in_folder(recent.folder());
         let panes = graphics.as_ref().map_or_else(|| Ok(Panes::default()), Panes::on)?;
         Ok(Self {
+            results_of: work.installed,
+            written_to: None,
+            opening: None,
             work,
             panes,
             cohort: CohortView::default(),
@@ -382,11 +391,15 @@ impl GlioscopeApp {
         | AppCommand::OpenCohortAt(path)
         | AppCommand::ExportCohortTo(path)
         | AppCommand::ExportVerdictsTo(path)
+        | AppCommand::WriteReportTo(_, path)
         | AppCommand::ScreenshotTo(_, path)) = command
         else {
             return;
         };
         let folder = std::path::absolute(path).ok().and_then(|path| path.parent().map(Path::to_owned));
+        let opens =
+            matches!(command, AppCommand::Open(_) | AppCommand::OpenSession(_) | AppCommand::OpenCohortAt(_));
+        self.written_to = folder.clone().filter(|_| !opens).map(|folder| (self.work.installed, folder));
         self.preferences.change().folder = folder;
         self.preferences.save();
     }
@@ -557,6 +570,20 @@ impl GlioscopeApp {
         if let Some(path) = self.work.poll(Waker::of(ctx)) {
             self.recent.add(&path);
         }
+        if self.results_of != self.work.installed {
+            self.results_of = self.work.installed;
+            self.results.forget_case(self.gpu().cloned());
+        }
+        if let Some((path, job)) = &self.opening
+            && let Some(result) = job.poll()
+        {
+            if result.is_err() {
+                let expected = "a program for files of its kind; the file is there";
+                self.work.error =
+                    Some(AppError::file(path, "no program of this desktop that opens it", expected));
+            }
+            self.opening = None;
+        }
         self.work.follow_alignments(Waker::of(ctx));
         self.work.hide_names();
         if let Some(choice) = self.dialog.as_ref().and_then(Dialog::poll)
@@ -601,8 +628,9 @@ impl GlioscopeApp {
         }
     }
 
-    /// The folder in which a file dialog begins: that of the file chosen last, else that of the case. A manifest belongs
-    /// beside the files it describes.
+    /// The folder in which a file dialog begins. Of what is written of a case: that of what was written of it last, else the case's
+    /// own, so that nothing of one patient is proposed beside another's. Else that of the file chosen last. A manifest belongs beside the
+    /// files it describes.
     fn folder_for(&self, purpose: &Purpose) -> Option<PathBuf> {
         if let (Purpose::Manifest, Some(guess)) = (purpose, &self.work.guess) {
             return std::path::absolute(&guess.proposal.folder).ok();
@@ -613,8 +641,20 @@ impl GlioscopeApp {
             CaseRef::Files { folder, .. } => Some(folder.clone()),
             CaseRef::Sample | CaseRef::Arguments { .. } => None,
         });
-        // A session belongs to its case, wherever a file was chosen last: the next case's, where it is saved before that is opened.
-        let own = case.clone().filter(|folder| *purpose == Purpose::SaveSession && folder.is_dir());
+        let is_of_case = matches!(
+            purpose,
+            Purpose::SaveSession
+                | Purpose::Report(_)
+                | Purpose::Measurements(_)
+                | Purpose::Masks(_)
+                | Purpose::Rulers(_)
+                | Purpose::Picture(_)
+        );
+        let written = self.written_to.as_ref().filter(|(of, _)| is_of_case && *of == self.work.installed);
+        let written = written.map(|(_, folder)| folder.clone()).filter(|folder| folder.is_dir());
+        let own = case.clone().filter(|folder| is_of_case && folder.is_dir());
+        // A session belongs to its case, wherever else a file was written.
+        let own = if *purpose == Purpose::SaveSession { own.or(written) } else { written.or(own) };
         let folder = own.or(last).or(case).or_else(|| std::env::current_dir().ok())?;
         std::path::absolute(folder).ok()
     }
@@ -635,6 +675,7 @@ impl GlioscopeApp {
             Command::Look(
                 LookCommand::SetCursor(_) | LookCommand::PreviewCursor(..) | LookCommand::SetCamera(_)
             ) | Command::Edit(EditCommand::SetLayout(_))
+                | Command::App(AppCommand::OpenWritten(_))
         );
         if !is_navigation {
             self.work.notice = None;

@@ -170,10 +170,13 @@ impl GlioscopeApp {
                 self.write_report(ctx, *options, path);
             }
             AppCommand::OpenWritten(path) => {
-                if let Err(error) = open::that_detached(path) {
-                    let found = format!("nothing that opens it ({error})");
-                    self.work.error = Some(AppError::file(path, found, "a program for files of its kind"));
-                }
+                let file = path.clone();
+                // The desktop's opener says whether it found a program.
+                let job = Job::start(Waker::of(ctx), move |_| {
+                    open::that(&file)
+                        .map_err(|error| AppError::file(&file, error.to_string(), "a program that opens it"))
+                });
+                self.opening = Some((path.clone(), job));
             }
             AppCommand::ShowPalette => self.palette.open(),
             AppCommand::ShowMasks => self.open.masks = true,

@@ -40,14 +40,16 @@ const LIST_POINTS: f32 = 170.0;
 /// The dialog.
 pub struct ReportDialog {
     options: Options,
-    /// The sentences of the language chosen: parsing them takes longer than drawing.
-    words: Words,
+    /// The sentences of each language: parsing them takes longer than drawing.
+    words: [Words; 2],
 }
 
 impl ReportDialog {
     /// The dialog as it opens. How much of the patient's identity a report has is asked for anew each time.
     pub fn new(language: Language) -> Self {
-        Self { options: Options { language, ..Options::default() }, words: report::words(language) }
+        // A report is signed unless its reader says otherwise.
+        let options = Options { language, names_reader: true, ..Options::default() };
+        Self { options, words: [Language::En, Language::De].map(report::words) }
     }
 }
 
@@ -73,11 +75,12 @@ pub fn show(
         Grid::new("report").num_columns(2).spacing([16.0, 8.0]).show(ui, |ui| {
             ui.label("Patient");
             ui.vertical(|ui| {
-                let name = if patient.name.is_empty() { "the files name nobody" } else { &patient.name };
+                let name =
+                    if patient.name.is_empty() { String::new() } else { format!(" ({})", patient.name) };
                 for (identity, text) in [
                     (Identity::None, "Neither name nor file names".to_owned()),
                     (Identity::Initials, "Initials".to_owned()),
-                    (Identity::Full, format!("In full, with file names ({name})")),
+                    (Identity::Full, format!("In full, with file names{name}")),
                 ] {
                     ui.radio_value(&mut options.identity, identity, text);
                 }
@@ -91,11 +94,12 @@ pub fn show(
             ui.end_row();
         });
         if let Some(doc) = &work.doc {
-            if words.language() != options.language {
-                *words = report::words(options.language);
-            }
-            let calls = evaluated.and_then(|evaluated| report::calls_in_words(evaluated, lesions, words));
-            reading(ui, doc, calls, options.identity == Identity::Full, out);
+            let now = words.each_ref().map(|words| {
+                let calls = evaluated.and_then(|evaluated| report::calls_in_words(evaluated, lesions, words));
+                calls.filter(|_| doc.edit.response.history.is_some())
+            });
+            let chosen = usize::from(options.language == Language::De);
+            reading(ui, doc, (&now, chosen), options, out);
             pictures(ui, case, doc, out);
         }
         ui.add_space(6.0);
@@ -120,42 +124,59 @@ pub fn show(
     }
 }
 
-/// The conclusion, and who signs it. `calls`: those of the response in a sentence, which can be taken over; `names_reader`:
-/// whether the report will name the reader.
-fn reading(ui: &mut Ui, doc: &Document, calls: Option<String>, names_reader: bool, out: &mut Commands) {
+/// The conclusion, and who signs it. `now`: the calls of the response in a sentence, by language, of which that `chosen` can be taken
+/// over.
+fn reading(
+    ui: &mut Ui,
+    doc: &Document,
+    (now, chosen): (&[Option<String>; 2], usize),
+    options: &mut Options,
+    out: &mut Commands,
+) {
     let mut new = doc.edit.reading.clone();
     ui.add_space(6.0);
     let label = ui.strong("Conclusion");
     let field = egui::TextEdit::multiline(&mut new.conclusion).desired_width(f32::INFINITY).desired_rows(3);
     ui.add(field.char_limit(MOST_CONCLUSION)).labelled_by(label.id);
-    let calls = calls.filter(|_| doc.edit.response.history.is_some()).unwrap_or_default();
+    let calls = now[chosen].clone().unwrap_or_default();
+    let is_old = new.repeats_old_calls(now);
     // Always there, so that nothing moves once it was pressed.
-    let can_take = !calls.is_empty() && !new.conclusion.contains(&calls);
-    let button = ui.add_enabled(can_take, Button::new("Take over the calls"));
-    if button
-        .on_hover_text(&calls)
-        .on_disabled_hover_text("The response has no calls, or they are there")
-        .clicked()
-    {
-        let separator = if new.conclusion.trim().is_empty() { "" } else { "\n" };
-        new.conclusion = format!("{}{separator}{calls}", new.conclusion.trim_end());
-        new.conclusion = new.conclusion.chars().take(MOST_CONCLUSION).collect();
-        if new.reader.is_empty() {
-            new.reader.clone_from(&doc.edit.response.author);
+    ui.horizontal(|ui| {
+        let can_take = !calls.is_empty() && !new.conclusion.contains(&calls);
+        // What was taken over and not touched is replaced: when the calls changed, and in another language.
+        let replaces = !new.taken.is_empty() && new.conclusion.contains(&new.taken);
+        let text = if replaces { "Replace the calls" } else { "Take over the calls" };
+        let button = ui.add_enabled(can_take, Button::new(text));
+        let button = button.on_hover_text(&calls);
+        if button.on_disabled_hover_text("The response has no calls, or they are there").clicked() {
+            new.conclusion = if replaces {
+                new.conclusion.replacen(&new.taken, &calls, 1)
+            } else {
+                let separator = if new.conclusion.trim().is_empty() { "" } else { "\n" };
+                format!("{}{separator}{calls}", new.conclusion.trim_end())
+            };
+            new.conclusion = new.conclusion.chars().take(MOST_CONCLUSION).collect();
+            new.taken.clone_from(&calls);
+            if new.reader.is_empty() {
+                new.reader.clone_from(&doc.edit.response.author);
+            }
         }
-    }
+        if is_old {
+            ui.colored_label(ui.visuals().warn_fg_color, "The calls have changed since they were taken over");
+        }
+    });
     ui.horizontal(|ui| {
         let label = ui.label("Read by");
         let field = egui::TextEdit::singleline(&mut new.reader).desired_width(200.0).char_limit(MOST_READER);
         ui.add(field).labelled_by(label.id);
+        let is_full = options.identity == Identity::Full;
+        let mut is_named = is_full || options.names_reader;
+        let tick = ui.add_enabled(!is_full, egui::Checkbox::new(&mut is_named, "printed, with the day"));
+        if tick.changed() {
+            options.names_reader = is_named;
+        }
+        tick.on_hover_text("Without it the report says that its reader isn't named");
     });
-    // Always a line, so that nothing moves.
-    let told = if names_reader {
-        "Printed with the day"
-    } else {
-        "Not printed, as the patient isn't named in full; the day is"
-    };
-    ui.weak(told);
     if new != doc.edit.reading {
         new.day = Timestamp::now().strftime("%Y-%m-%d").to_string();
         out.push(EditCommand::SetReading(Box::new(new)));

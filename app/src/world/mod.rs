@@ -273,6 +273,13 @@ impl Results {
         Self { comparison: comparison::Comparisons::new(gpu), ..Self::default() }
     }
 
+    /// Forgets what was derived of a case that is no longer open, so that nothing of it is shown while the new one's is computed; the
+    /// cohort stays.
+    pub fn forget_case(&mut self, gpu: Option<Gpu>) {
+        let cohort = std::mem::take(&mut self.cohort);
+        *self = Self { cohort, ..Self::new(gpu) };
+    }
+
     /// Whether a worker is computing a result that pictures wait for.
     pub fn working(&mut self) -> bool {
         // Each takes what is finished.

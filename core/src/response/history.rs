@@ -361,27 +361,41 @@ impl History {
     /// Without who stated its facts, and when.
     #[must_use]
     pub fn without_authors(mut self) -> Self {
-        fn strip<T>(fact: &mut Option<Fact<T>>) {
+        self.each_statement(&|author, entered| (*author, *entered) = (None, None));
+        self
+    }
+
+    /// What was stated on `day` without a name gets `author`'s.
+    pub fn sign(&mut self, author: &str, day: &str) {
+        self.each_statement(&|own, entered| {
+            if own.is_none() && entered.as_deref() == Some(day) {
+                *own = Some(author.to_owned());
+            }
+        });
+    }
+
+    /// Calls `change` with author and day of each fact that has them.
+    fn each_statement(&mut self, change: &dyn Fn(&mut Option<String>, &mut Option<String>)) {
+        fn on<T>(fact: &mut Option<Fact<T>>, change: &dyn Fn(&mut Option<String>, &mut Option<String>)) {
             if let Some(fact) = fact {
-                (fact.author, fact.entered) = (None, None);
+                change(&mut fact.author, &mut fact.entered);
             }
         }
-        strip(&mut self.disease);
-        strip(&mut self.radiotherapy_end);
-        strip(&mut self.baseline);
+        on(&mut self.disease, change);
+        on(&mut self.radiotherapy_end, change);
+        on(&mut self.baseline, change);
         for facts in &mut self.date {
-            strip(&mut facts.steroids_mg);
-            strip(&mut facts.steroids_reason);
-            strip(&mut facts.clinical);
-            strip(&mut facts.non_target);
-            strip(&mut facts.new_lesion);
-            strip(&mut facts.new_lesions_looked_for);
-            strip(&mut facts.flair);
-            strip(&mut facts.technique_changed);
-            strip(&mut facts.field);
-            strip(&mut facts.histology);
+            on(&mut facts.steroids_mg, change);
+            on(&mut facts.steroids_reason, change);
+            on(&mut facts.clinical, change);
+            on(&mut facts.non_target, change);
+            on(&mut facts.new_lesion, change);
+            on(&mut facts.new_lesions_looked_for, change);
+            on(&mut facts.flair, change);
+            on(&mut facts.technique_changed, change);
+            on(&mut facts.field, change);
+            on(&mut facts.histology, change);
         }
-        self
     }
 
     /// A history of which nothing but the criteria is known.

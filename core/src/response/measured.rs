@@ -59,6 +59,13 @@ pub fn evaluate_lesions(
         of.push((*compartment, report.of.clone()));
     }
     let response = evaluate(&history, &all)?;
+    for date in response.dates.iter().filter(|date| date.by_diameters.call == super::Call::Baseline) {
+        // Behind how it was chosen: what the criteria say against it.
+        contradictions.extend(date.by_diameters.reasons.iter().skip(1).map(|why| {
+            say::BASELINE_DOUBTED
+                .with([("scan", date.date.as_str().into()), ("why", why.phrase.clone().into())])
+        }));
+    }
     let warnings = contradictions.iter().map(Phrase::to_string).collect();
     Ok(Evaluated { of, proposed_links, warnings, contradictions, stated, response })
 }
@@ -146,6 +153,21 @@ fn contradictions_of(history: &History, report: &LesionsReport) -> Vec<Phrase> {
         let dates = lesion.dates.iter().filter(|date| date.events.contains(&EventKind::Born));
         dates.map(move |date| (lesion, date))
     });
+    let stated = |time: &str| {
+        let facts = history.date.iter().find(|facts| facts.date.0 == time);
+        facts.and_then(|facts| facts.new_lesion.as_ref()).map(|fact| fact.value)
+    };
+    let mut too_small: Vec<Phrase> = Vec::new();
+    for date in report.dates.iter().filter(|date| stated(&date.time) == Some(NewLesion::Measurable)) {
+        let new = || new_lesions(report).filter(|(_, new)| new.time == date.time);
+        if new().next().is_some() && new().all(|(_, new)| new.measurable == Some(false)) {
+            let names = new().map(|(name, _)| name).collect::<Vec<_>>().join(", ");
+            too_small.push(
+                say::SAID_MEASURABLE
+                    .with([("date", date.time.as_str().into()), ("lesions", names.as_str().into())]),
+            );
+        }
+    }
     born.filter(|(_, date)| says_none(&date.time))
         .map(|(lesion, date)| {
             let ml = date.volume_ml.unwrap_or_default();
@@ -156,6 +178,7 @@ fn contradictions_of(history: &History, report: &LesionsReport) -> Vec<Phrase> {
                 ("ml", Value::number(format!("{ml:.2}"))),
             ])
         })
+        .chain(too_small)
         .collect()
 }
 
@@ -253,6 +276,15 @@ mod tests {
         let history =
             History { date: vec![denied], ..History::new(Criterion::Rano20, Some(Assessment::Enhancing)) };
         assert_eq!(contradictions_of(&history, &lesions).len(), 1);
+        // What is stated to be measurable is: C has 14 mm. Were it small, it would be told.
+        let mut said = history.clone();
+        said.date[0].new_lesion = Some(Fact::of(NewLesion::Measurable));
+        assert_eq!(contradictions_of(&said, &lesions), []);
+        let mut small = lesions.clone();
+        let dates = small.lesions.iter_mut().filter(|l| l.id == "C").flat_map(|l| &mut l.dates);
+        dates.for_each(|date| date.measurable = Some(false));
+        let told: Vec<String> = contradictions_of(&said, &small).iter().map(Phrase::to_string).collect();
+        assert_eq!(told, ["2024-03-01: a new lesion is stated to be measurable, where the masks' C isn't"]);
         assert_eq!(
             contradictions_of(&with_new_lesions(history, &lesions), &lesions).len(),
             1,

@@ -15,6 +15,8 @@ templates! {
     BASELINE_AFTER_SURGERY = "baseline {scan}, the first scan after surgery";
     BASELINE_BEFORE_TREATMENT = "baseline {scan}, the last scan within {days} days before treatment";
     BASELINE_AFTER_RADIOTHERAPY = "baseline {scan}, {days} days after radiotherapy";
+    BASELINE_DOUBTED = "baseline {scan} as stated: {why}";
+    SAID_MEASURABLE = "{date}: a new lesion is stated to be measurable, where the masks' {lesions} isn't";
     CRITERIA_CHOOSE = "the criteria would choose another: {baseline}";
     NO_TREATMENT_STATED = "no treatment is stated";
     NO_SCAN_BEFORE_TREATMENT = "no scan within {days} days before treatment";
@@ -68,7 +70,7 @@ templates! {
     EQUIVOCAL_WAIT = "equivocal new lesion: wait; if it turns out to be one, progression is dated from here{by}";
     EQUIVOCAL_UNSTATED = "equivocal new lesion{by}: {unstated}";
     NEW_LESION_UNSTATED = "new lesion{by}: {unstated}";
-    NEW_LESION_TOO_SMALL = "new lesion that isn't measurable: a measurable one is progression{by}";
+    NEW_LESION_TOO_SMALL = "a new lesion isn't measurable; only a measurable one is progression{by}";
     NEW_LESION_IMMUNOTHERAPY = "new lesion under immunotherapy{by}";
     NEW_LESION_MEASURABLE = "new lesion, measurable{by}";
     NEW_LESION_NOT_MEASURABLE = "new lesion, not measurable{by}";

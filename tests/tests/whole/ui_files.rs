@@ -5,7 +5,8 @@ use std::{collections::BTreeMap, sync::Arc};
 use egui_kittest::kittest::Queryable;
 use glioscope::{
     command::{AppCommand, EditCommand},
-    model::{PaneId, PictureSize, Reading, Ruler, Shape},
+    model::{CaseRef, ExportFormat, PaneId, PictureSize, Reading, Ruler, Shape},
+    report::Options,
     window::{dialogs::Choice, recent::Recent},
 };
 use glioscope_core::{
@@ -15,6 +16,7 @@ use glioscope_core::{
 };
 use glioscope_tests::{
     MASK_COLORS, Window, doc, error_text, issue, perform, sample, wait_for_workers, window_of_user,
+    write_cube,
 };
 use serde_json::Value;
 
@@ -175,12 +177,16 @@ fn the_report_dialog_writes_what_was_chosen_of_what_is_shown() {
     let answer = out.clone();
     harness.state_mut().chooser = Arc::new(move |_, _| Choice::Path(answer.clone()));
     let conclusion = "Stabil.".to_owned();
-    let reading = Reading { conclusion, reader: "Dr. Kanarienvogel".into(), day: "2024-05-02".into() };
+    let (reader, day) = ("Dr. Kanarienvogel".to_owned(), "2024-05-02".to_owned());
+    let reading = Reading { conclusion, reader, day, ..Reading::default() };
     perform(&mut harness, EditCommand::SetReading(Box::new(reading)));
     perform(&mut harness, AppCommand::ShowReport);
     harness.get_by_label("Initials").click_accesskit();
     harness.run_ok();
     harness.get_by_label("Deutsch").click_accesskit();
+    harness.run_ok();
+    // Signed, unless the reader says otherwise.
+    harness.get_by_label("printed, with the day").click_accesskit();
     harness.run_ok();
     harness.get_by_label("Choose the file…").click_accesskit();
     for _ in 0..100 {
@@ -201,8 +207,51 @@ fn the_report_dialog_writes_what_was_chosen_of_what_is_shown() {
     // That the reader isn't named is said; the day is.
     assert!(page.contains("Stabil.") && page.contains("in diesem Bericht nicht genannt, 2024-05-02"));
     assert!(!page.contains("Kanarienvogel"));
+    let signed = folder.path().join("signed.html");
+    let options = Options { names_reader: true, ..Options::default() };
+    issue(&mut harness, AppCommand::WriteReportTo(options, signed.clone()));
+    wait_for_workers(&mut harness);
+    let page = std::fs::read_to_string(&signed).unwrap();
+    assert!(page.contains("Dr. Kanarienvogel, 2024-05-02") && page.contains("left out of this report"));
     // The next thing wanted is to see it.
     let notice = harness.state().work.notice.clone().unwrap();
-    assert_eq!(notice.file.as_deref(), Some(out.as_path()));
+    assert_eq!(notice.file.as_deref(), Some(signed.as_path()));
     harness.get_by_label("Open");
+}
+
+/// What is written of a patient is proposed beside that patient's files, not where another's were written last.
+#[test]
+fn a_file_of_the_next_case_is_proposed_in_its_own_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let case = |name: &str| {
+        let own = folder.path().join(name);
+        write_cube(&own.join("T1_mask.nii"), 12, 1.0, |ijk| u8::from(ijk.iter().all(|i| (3..8).contains(i))));
+        own
+    };
+    let [first, second] = ["first", "second"].map(case);
+    let elsewhere = folder.path().join("reports");
+    std::fs::create_dir(&elsewhere).unwrap();
+    let mut harness = sample();
+    let asked = Arc::new(std::sync::Mutex::new(Vec::new()));
+    let (seen, answer) = (asked.clone(), elsewhere.join("numbers.json"));
+    harness.state_mut().chooser = Arc::new(move |_, folder: Option<&std::path::Path>| {
+        seen.lock().unwrap().push(folder.map(std::path::Path::to_owned));
+        Choice::Path(answer.clone())
+    });
+    let proposed = |harness: &mut Window| {
+        issue(harness, AppCommand::ExportMeasurements(ExportFormat::Json));
+        for _ in 0..50 {
+            harness.run_ok();
+            std::thread::sleep(std::time::Duration::from_millis(10));
+        }
+        wait_for_workers(harness);
+        asked.lock().unwrap().last().cloned().flatten()
+    };
+    for own in [first, second] {
+        perform(&mut harness, AppCommand::Open(CaseRef::Path(own.clone())));
+        wait_for_workers(&mut harness);
+        harness.state_mut().work.error = None;
+        assert_eq!(proposed(&mut harness), Some(own), "{}", error_text(&harness));
+        assert_eq!(proposed(&mut harness), Some(elsewhere.clone()), "where its last file went");
+    }
 }

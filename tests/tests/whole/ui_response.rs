@@ -379,8 +379,28 @@ fn the_next_case_knows_who_reads() {
     let mut harness = open();
     choose(&mut harness, "Criteria", "RANO 2010");
     assert_eq!(stated_by(&harness), "", "nobody was named yet");
+    // What was answered before the name was typed is that reader's.
+    harness.get_by_label("Disease: newly diagnosed").click_accesskit();
+    wait_for_workers(&mut harness);
     type_into(&mut harness, "stated by", "A. B.");
     assert_eq!(stated_by(&harness), "A. B.");
+    let disease = doc(&harness).edit.response.history.as_ref().unwrap().disease.clone().unwrap();
+    assert_eq!(disease.author.as_deref(), Some("A. B."));
+    // Nothing of this case is shown of the next one while that one's is computed.
+    assert!(harness.state().results.response.last().is_some());
+    let other = CaseRef::Arguments {
+        masks: vec![format!("T={}", balls(&folder.path().join("other.nii"), &[([30.0, 30.0, 20.0], 6.0)]))],
+        contexts: Vec::new(),
+    };
+    issue(&mut harness, EditCommand::MaximizePane(PaneId::Response));
+    perform(&mut harness, AppCommand::Open(other));
+    if harness.state().is_asking() {
+        harness.run_ok();
+        harness.get_by_label("Discard").click();
+    }
+    wait_for_workers(&mut harness);
+    let response = harness.state().results.response.last().map(|found| found.response.dates.len());
+    assert_ne!(response, Some(2), "of the case before");
     let mut harness = open();
     assert_eq!(stated_by(&harness), "", "nothing is stated before criteria are chosen");
     choose(&mut harness, "Criteria", "RANO 2.0");

@@ -22,6 +22,7 @@ fn report(blocks: Vec<Block>) -> Report {
         glioscope_report: 1,
         program: "Glioscope 0.1.0".into(),
         adapter: "none".into(),
+        names_reader: false,
         identity: Identity::None,
         language: Language::En,
         inputs: Vec::new(),

@@ -238,6 +238,7 @@ surface-receded = Receded up to
 values-note = Values of { $image } in each lesion, in the image's unit.
 surface-note = How far surfaces moved since the date before: 95th percentiles.
 section-notes = Notes on the files
+conclusion-old = The conclusion repeats calls that were taken over before they changed: the table of calls has those of now.
 conclusion-new = New: { $lesions }.
 link-proposed = link proposed, not verified
 link-verified = link verified by the reader

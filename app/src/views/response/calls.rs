@@ -31,7 +31,7 @@ pub(super) fn head(ui: &mut Ui, evaluated: Option<&Evaluated>, status: &Status) 
     let links = evaluated.map_or(0, |evaluated| evaluated.proposed_links);
     if evaluated.is_some() {
         let text = match links {
-            0 => "No link between lesions waits for a reader".to_owned(),
+            0 => "No link between lesions is unverified".to_owned(),
             1 => "These calls rest on 1 link between lesions that no reader has verified".to_owned(),
             n => format!("These calls rest on {n} links between lesions that no reader has verified"),
         };
@@ -188,8 +188,8 @@ fn why(ui: &mut Ui, criterion: Criterion, title: &str, judgement: &Judgement, ab
                 continue;
             }
             let response = ui.label(&reason.words);
+            // *Rules* below has them all.
             if let Some(source) = reason.rule.and_then(|id| source(criterion, id)) {
-                ui.weak(format!("    {source}"));
                 response.on_hover_text(source);
             }
         }

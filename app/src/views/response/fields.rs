@@ -19,13 +19,18 @@ impl By {
     /// Today.
     pub fn today(author: &str) -> Self {
         let author = (!author.is_empty()).then(|| author.to_owned());
-        Self { author, today: Timestamp::now().strftime("%Y-%m-%d").to_string() }
+        Self { author, today: today() }
     }
 
     /// A fact stated now.
     pub fn fact<T>(&self, value: T) -> Fact<T> {
         Fact { value, author: self.author.clone(), entered: Some(self.today.clone()) }
     }
+}
+
+/// The day on which it is stated, as 2024-01-31.
+pub(super) fn today() -> String {
+    Timestamp::now().strftime("%Y-%m-%d").to_string()
 }
 
 /// What is hovered over a fact: who stated it.

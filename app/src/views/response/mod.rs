@@ -269,8 +269,13 @@ fn head(ui: &mut Ui, input: &Input<'_>, new: &mut ResponseSetting) -> String {
             let label = ui.label("stated by");
             author = fields::typed(ui, "author", &new.author);
             if let Some(typed) = fields::text(ui, "author", label.id, &new.author, 110.0) {
+                let is_first = new.author.is_empty();
                 new.author = named(&typed);
                 author.clone_from(&new.author);
+                // What was answered before the name was typed is the reader's, too.
+                if let Some(history) = new.history.as_mut().filter(|_| is_first && !author.is_empty()) {
+                    history.sign(&author, &fields::today());
+                }
             }
         });
     }

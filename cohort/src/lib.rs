@@ -3,6 +3,8 @@
 //! [`find`] lists the cases of a folder or table. [`run()`] computes each: every step is the program's own subcommand in a child
 //! process, and a case's folder is put in place whole. [`group()`] reads these folders and writes tables, with [`rank`] between
 //! algorithms where a reference is named.
+//!
+//! [`analyse_study`] has the statistics of a study of perception, which needs the same crate of distributions.
 
 mod cases;
 #[cfg(test)]
@@ -23,6 +25,7 @@ mod run;
 mod run_tests;
 mod status;
 mod steps;
+mod study;
 mod tables;
 mod verdicts;
 
@@ -35,5 +38,9 @@ pub use place::Place;
 pub use process::{end_with_parent, is_of_cohort};
 pub use run::{Outcome, Resources, Said, Summary, run};
 pub use status::{CaseStatus, State, StepStatus};
+pub use study::{
+    Anova, Comparison, Correlation, LightMean, Mauchly, Measure, MeasureReport, StudyReport, TaskReport,
+    analyse_study, read_answers,
+};
 pub use tables::{Column, Dictionary, KINDS, Kind, Type};
 pub use verdicts::{Agreement, Judgement, Verdict, Verdicts, agreement, hidden_order};

@@ -64,6 +64,7 @@ pub mod response;
 pub mod sample;
 pub mod self_check;
 pub mod skeleton;
+pub mod study;
 pub mod surface;
 pub mod tract_distance;
 pub mod tracts;

@@ -3,7 +3,7 @@
 //!
 //! Modules, each depending on those before it: [`theme`] (colours and type), [`model`] (saved state), [`world`] (the
 //! loaded case and derived results), [`words`] (sentences by language), [`report`], [`page`] and [`animation`] (what is handed over), [`command`] (user actions), [`cpu_paint`] (the
-//! interface without a graphics card), [`views`] (one file per pane), [`window`], [`cli`]. Views read the document and the
+//! interface without a graphics card), [`views`] (one file per pane), [`study`] (how well people see in which light), [`window`], [`cli`]. Views read the document and the
 //! world and write commands; commands change the document; the document determines what is derived and drawn.
 
 pub mod animation;
@@ -18,6 +18,7 @@ pub mod output;
 pub mod pacs;
 pub mod page;
 pub mod report;
+pub mod study;
 pub mod theme;
 pub mod views;
 pub mod window;

@@ -25,6 +25,7 @@ use super::{
     register::RegisterArguments,
     response::{ResponseArguments, ResponseOptions},
     self_check::SelfCheckArguments,
+    study::StudyArguments,
     tracts::TractArguments,
     transform::TransformArguments,
 };
@@ -140,6 +141,8 @@ pub enum Task {
     Page(Box<PageArguments>),
     /// Make a report again from what it was made with, and say what differs.
     Replay(Box<ReplayArguments>),
+    /// Measure how well people see depth, size and shape in the program's lights, and analyse what they answered.
+    Study(Box<StudyArguments>),
     /// Write the embedded sample case as files.
     Sample {
         /// The folder.

@@ -26,6 +26,7 @@ mod resolve;
 mod response;
 mod sample;
 mod self_check;
+mod study;
 mod terminal;
 mod tracts;
 mod transform;
@@ -106,6 +107,7 @@ fn execute(cli: Cli) -> Result<(), AppError> {
         Some(Task::Transform(arguments)) => transform::run(&arguments),
         Some(Task::Register(arguments)) => register::run(&arguments),
         Some(Task::Pacs { task }) => pacs::run(task),
+        Some(Task::Study(arguments)) => study::run(&arguments),
         Some(Task::Sample { out }) => sample::run(&out),
     }
 }

@@ -31,6 +31,7 @@ pub mod preferences;
 pub mod recent;
 pub mod report;
 pub mod run;
+pub mod study;
 mod thumbnails;
 mod typed_path;
 mod warnings;

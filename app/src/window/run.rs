@@ -29,6 +29,22 @@ pub fn adapter_selector(preference: AdapterPreference) -> NativeAdapterSelectorM
     })
 }
 
+/// What every window of the program needs of the system: its adapter, or the software one alone.
+pub(super) fn native_options(software: bool) -> eframe::NativeOptions {
+    let mut setup = WgpuSetupCreateNew::without_display_handle();
+    let preference = if software { AdapterPreference::SoftwareOnly } else { AdapterPreference::RealFirst };
+    setup.instance_descriptor = gpu::instance_descriptor();
+    setup.native_adapter_selector = Some(adapter_selector(preference));
+    setup.device_descriptor = Arc::new(gpu::device_descriptor);
+    eframe::NativeOptions {
+        wgpu_options: WgpuConfiguration {
+            wgpu_setup: WgpuSetup::CreateNew(setup),
+            ..WgpuConfiguration::default()
+        },
+        ..eframe::NativeOptions::default()
+    }
+}
+
 /// How the window starts.
 #[derive(Clone, Debug, Default)]
 pub struct Start {
@@ -49,12 +65,6 @@ pub struct Start {
 /// # Errors
 /// [`AppError`] without a display or a graphics adapter, with what to install, and if a scripted screenshot failed.
 pub fn run(start: Start) -> Result<(), AppError> {
-    let mut setup = WgpuSetupCreateNew::without_display_handle();
-    let preference =
-        if start.software { AdapterPreference::SoftwareOnly } else { AdapterPreference::RealFirst };
-    setup.instance_descriptor = gpu::instance_descriptor();
-    setup.native_adapter_selector = Some(adapter_selector(preference));
-    setup.device_descriptor = Arc::new(gpu::device_descriptor);
     let recent = Recent::of_user();
     let remembered = Preferences::in_folder(recent.folder()).get().clone();
     let size_points = remembered.size_points.unwrap_or([1440.0, 900.0]);
@@ -66,11 +76,7 @@ pub fn run(start: Start) -> Result<(), AppError> {
             .with_maximized(remembered.maximized && start.picture.is_none())
             .with_min_inner_size([640.0, 420.0])
             .with_drag_and_drop(true),
-        wgpu_options: WgpuConfiguration {
-            wgpu_setup: WgpuSetup::CreateNew(setup),
-            ..WgpuConfiguration::default()
-        },
-        ..eframe::NativeOptions::default()
+        ..native_options(start.software)
     };
     let (send, outcomes) = mpsc::channel();
     let picture = start.picture.clone();

@@ -18,6 +18,7 @@ use glioscope_core::{
     lesions::{self, Anchor, Edit, Of, Options},
     response::Criterion,
     sample,
+    study::COLUMNS,
 };
 use glioscope_render::{TransferForm, TransferPreset, TransferShape};
 use glioscope_tests::{
@@ -45,6 +46,7 @@ pub const ANSWERS: [(&str, Outputs); 11] = [
     ("transform", transforms),
     ("register", registrations),
     ("pacs-list", archives),
+    ("study", studies),
 ];
 
 /// Likewise: what is drawn, exported from the window and written in reports.
@@ -120,6 +122,47 @@ impl Made {
 fn of_case(task: &str, case: &[String], more: &[&str]) -> Value {
     let case: Vec<&str> = case.iter().map(String::as_str).collect();
     answer(&[&[task, "--json"], &case[..], more].concat()).0
+}
+
+/// Five participants with everything, one that lacks a light, one alone with depths, and one that prefers.
+fn studies(made: &Made) -> Vec<Value> {
+    let head = COLUMNS.join(",");
+    let row =
+        |participant: u32, task: &str, trial: u32, practice: u8, light: &str, result: &str, time_s: u32| {
+            format!(
+                "{participant},1,0.1.0,{task},{trial},{practice},{light},{trial},0.1,,{result},{time_s}.5"
+            )
+        };
+    let mut rows = vec![head.clone(), row(1, "nearer", 1, 1, "traced,", "left,0,", 3)];
+    for participant in 1..=6 {
+        for (n, light) in ["traced,", "slices,", "cones,"].into_iter().enumerate().take(if participant == 6 {
+            2
+        } else {
+            3
+        }) {
+            for again in 0..2 {
+                let n = n as u32;
+                let is = (participant * 5 + n * 3 + again * (participant + n)) % 3 % 2;
+                let time_s = 1 + (participant * 7 + n * n * 2 + again * 5) % 6;
+                rows.push(row(
+                    participant,
+                    "nearer",
+                    2 * n + again + 1,
+                    0,
+                    light,
+                    &format!("left,{is},"),
+                    time_s,
+                ));
+            }
+        }
+    }
+    rows.push(row(1, "depth", 1, 0, "traced,", "40,,2.5", 2));
+    rows.push(row(1, "preference", 1, 0, "traced,cones", "left,,", 2));
+    let file = made.file("answers.csv", &(rows.join("\n") + "\n"));
+    let alone =
+        [head, row(1, "depth", 1, 0, "traced,", "40,,2.5", 2), row(1, "depth", 2, 0, "cones,", "40,,2.5", 2)];
+    let alone = made.file("alone.csv", &(alone.join("\n") + "\n"));
+    [file, alone].map(|file| answer(&["study", "analyse", "--json", &file]).0).into()
 }
 
 fn measures(made: &Made) -> Vec<Value> {

@@ -100,7 +100,7 @@ def main():
         files = []
         for participant in range(1, PARTICIPANTS + 1):
             files.append(Path(folder) / f"{participant}.csv")
-            glioscope("--robot", 3, "--participant", participant, "--out", files[-1])
+            glioscope("--robot", 3, "--participant", participant, "--lights", ",".join(LIGHTS), "--out", files[-1])
         report = json.loads(glioscope("analyse", "--json", *files))
         rows = pd.concat([pd.read_csv(path) for path in files])
         same("answers", len(rows), PARTICIPANTS * (4 * (6 * len(LIGHTS) + 3) + len(LIGHTS) * (len(LIGHTS) - 1) + 3))

@@ -11,7 +11,7 @@ use strum::VariantArray;
 use super::{parse::keyword, terminal};
 use crate::{
     error::AppError,
-    study::{Settings, Study, robot},
+    study::{Settings, Study, pictures::default_lights, robot},
     window::study,
     words::Language,
 };
@@ -32,7 +32,7 @@ pub struct StudyArguments {
     /// Fixes the scenes: the same for all participants of a study.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
-    /// The lights that are compared; default: all.
+    /// The lights that are compared; default: all that shade smooth surfaces.
     #[arg(long, value_name = "MODE,...", value_delimiter = ',', value_parser = keyword::<LightingMode>())]
     pub lights: Vec<LightingMode>,
     /// The tasks in their order; default: all.
@@ -94,8 +94,8 @@ impl StudyArguments {
         if !out.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv")) {
             return Err(AppError::file(out, "another ending", "a table's name, .csv"));
         }
-        let all = || LIGHTS.iter().map(|row| row.mode).collect();
-        let lights: Vec<LightingMode> = if self.lights.is_empty() { all() } else { self.lights.clone() };
+        let lights: Vec<LightingMode> =
+            if self.lights.is_empty() { default_lights(self.quality) } else { self.lights.clone() };
         if let Some(light) = repeated(&lights) {
             return Err(AppError::option("lights", light.name(), "each light once"));
         }

@@ -13,11 +13,17 @@ use std::{
 use egui::ColorImage;
 use glioscope_core::study::{Scene, Trial};
 use glioscope_render::{
-    CloseupRenderer, Gpu, LightingMode, MaskColors, Palette, RegionScene, RenderError, Rgb,
+    CloseupRenderer, Gpu, LightingMode, MaskColors, Palette, Preset, RegionScene, RenderError, Rgb,
+    light::{self, LIGHTS},
 };
 
 use super::{course::Settings, page::Prepared};
-use crate::{error::AppError, model::LightChoice, theme::Tokens, world::jobs::Waker};
+use crate::{
+    error::AppError,
+    model::{LightChoice, Shading},
+    theme::Tokens,
+    world::jobs::Waker,
+};
 
 /// Pictures that are ready at a time at most.
 const AHEAD: usize = 12;
@@ -26,6 +32,18 @@ const LOOK: Duration = Duration::from_millis(10);
 /// Colours of a scene, and of the two structures that are compared: alike in lightness, so that light shows form equally, and different
 /// with every colour vision deficiency.
 const COLORS: [Rgb; 3] = [[176, 168, 156], [109, 130, 182], [188, 109, 80]];
+
+/// A light as the study shows it: smooth, so that the voxels' terraces draw no contour lines.
+fn choice(mode: LightingMode, quality: Preset) -> LightChoice {
+    let shading = Shading { smooth: true, ..Shading::default() };
+    LightChoice { mode, preset: Some(quality), shading, ..LightChoice::default() }
+}
+
+/// The lights that are compared where none are named: those that shade the smooth surface.
+pub fn default_lights(quality: Preset) -> Vec<LightingMode> {
+    let is_smooth = |mode: &LightingMode| light::shows_smooth(&choice(*mode, quality).at_rest());
+    LIGHTS.iter().map(|row| row.mode).filter(is_smooth).collect()
+}
 
 /// Draws the pictures of trials.
 pub struct Painter {
@@ -72,7 +90,7 @@ impl Painter {
     /// # Errors
     /// [`RenderError`] with the driver's message.
     pub fn picture(&mut self, scene: &RegionScene, mode: LightingMode) -> Result<ColorImage, RenderError> {
-        let choice = LightChoice { mode, preset: Some(self.settings.quality), ..LightChoice::default() };
+        let choice = choice(mode, self.settings.quality);
         let frame =
             self.renderer.render(&self.gpu, scene, &choice.at_rest(), [self.settings.picture_px; 2])?;
         let size = frame.size_px.map(|side| side as usize);

@@ -181,14 +181,15 @@ impl StudyView {
     /// The question, the pictures with their marks, and the keys.
     fn trial(&mut self, ui: &mut Ui, rect: Rect, study: &Study, percent: Option<u8>) -> bool {
         let (Some(trial), Some(prepared)) = (study.trial(), study.prepared()) else { return false };
-        let textures = match &self.shown {
-            Some((at, textures)) if *at == study.index() => textures,
+        let textures: Vec<TextureHandle> = match &self.shown {
+            Some((at, textures)) if *at == study.index() => textures.clone(),
             _ => {
                 let load = |picture: &egui::ColorImage| {
                     ui.ctx().load_texture("study", picture.clone(), TextureOptions::LINEAR)
                 };
-                let textures = prepared.pictures.iter().map(load).collect();
-                &self.shown.insert((study.index(), textures)).1
+                let textures: Vec<TextureHandle> = prepared.pictures.iter().map(load).collect();
+                self.shown = Some((study.index(), textures.clone()));
+                textures
             }
         };
         let tokens = Tokens::in_ui(ui);
@@ -207,7 +208,7 @@ impl StudyView {
         }
         self.caption(ui, top + vec2(0.0, 32.0), &progress, KEYS_POINTS, tokens.second);
         let squares = squares(rect, textures.len());
-        for (n, (square, texture)) in squares.iter().zip(textures).enumerate() {
+        for (n, (square, texture)) in squares.iter().zip(&textures).enumerate() {
             let response = ui.allocate_rect(*square, Sense::hover());
             ui.painter().image(
                 texture.id(),

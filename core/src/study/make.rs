@@ -27,8 +27,8 @@ const DEPTH: [[f64; 2]; 3] = [[0.05, 0.35], [0.35, 0.65], [0.65, 0.95]];
 const LARGER: [[f64; 2]; 3] = [[2.0, 2.6], [1.55, 2.0], [1.25, 1.55]];
 const LARGER_EASY: [f64; 2] = [3.5, 5.0];
 /// Curvedness of the marked place, 1/mm, by level; for practice.
-const CURVED: [[f64; 2]; 3] = [[0.07, 0.2], [0.05, 0.07], [0.035, 0.05]];
-const CURVED_EASY: [f64; 2] = [0.075, 0.3];
+const CURVED: [[f64; 2]; 3] = [[0.12, 0.4], [0.09, 0.12], [0.065, 0.09]];
+const CURVED_EASY: [f64; 2] = [0.13, 0.5];
 /// Shape index (Koenderink and van Doorn 1992) from which a place is a bulge or a hollow, and up to which it is a saddle.
 const DOMED: f64 = 0.75;
 const SADDLED: f64 = 0.25;
@@ -102,13 +102,9 @@ impl Dice {
 
     /// A wavy wall behind everything, on which shadows fall.
     fn wall(&mut self) -> Solid {
-        Solid::Sheet(Sheet {
-            center: DVec3::Z * -34.0,
-            axes: self.tilt(12.0),
-            radius_mm: 54.0,
-            thickness_mm: 3.0,
-            hills: self.hills(9, 46.0, [8.0, 14.0], [2.0, 5.0]),
-        })
+        let axes = self.tilt(12.0);
+        let hills = self.hills(9, 46.0, [8.0, 14.0], [2.0, 5.0]);
+        Solid::Sheet(Sheet::new(DVec3::Z * -34.0, axes, [54.0, 3.0], hills))
     }
 
     /// A ball, a rod or an ellipsoid before the wall.
@@ -253,13 +249,9 @@ fn shape(dice: &mut Dice, level: Option<u32>, number: u32) -> Option<Made> {
     let wanted = shapes[if level.is_none() { number as usize % 3 } else { dice.below(3) }];
     let [low, high] = range(CURVED, CURVED_EASY, level);
     let mut space = dice.space();
-    let sheet = Sheet {
-        center: DVec3::ZERO,
-        axes: dice.tilt(20.0),
-        radius_mm: 50.0,
-        thickness_mm: 4.0,
-        hills: dice.hills(20, 46.0, [7.0, 11.0], [3.0, 8.0]),
-    };
+    let axes = dice.tilt(20.0);
+    let hills = dice.hills(18, 46.0, [6.0, 9.5], [4.0, 10.0]);
+    let sheet = Sheet::new(DVec3::ZERO, axes, [50.0, 4.0], hills);
     space.solids.push((0, Solid::Sheet(sheet.clone())));
     let mut places = Vec::new();
     for _ in 0..500 {

@@ -27,14 +27,33 @@ pub(super) struct Sheet {
     /// Thickness along the normal.
     pub thickness_mm: f64,
     /// The hills.
-    pub hills: Vec<Hill>,
+    hills: Vec<Hill>,
+    /// Between them it lies.
+    levels: [f64; 2],
 }
 
-/// Step along a ray in search of the surface, and the width to which it is then bisected.
+/// Least step along a ray in search of the surface, and the width to which it is then bisected.
 const STEP_MM: f64 = 0.4;
-const FOUND_MM: f64 = 1e-9;
+const FOUND_MM: f64 = 1e-6;
+/// Distance of the places by which the highest and lowest level are bounded.
+const LATTICE_MM: f64 = 1.5;
 
 impl Sheet {
+    pub fn new(center: DVec3, axes: DMat3, [radius_mm, thickness_mm]: [f64; 2], hills: Vec<Hill>) -> Self {
+        let mut sheet = Self { center, axes, radius_mm, thickness_mm, hills, levels: [0.0; 2] };
+        let half = (radius_mm / LATTICE_MM).ceil() as i32 + 1;
+        let heights =
+            (-half..=half).flat_map(|y| (-half..=half).map(move |x| DVec2::new(f64::from(x), f64::from(y))));
+        let heights = heights.map(|at| sheet.height(at * LATTICE_MM));
+        let [low, high] =
+            heights.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], h| [low.min(h), high.max(h)]);
+        // What interpolation between the places is off by at most: a hill bends most at its top.
+        let bent: f64 = sheet.hills.iter().map(|hill| hill.height_mm.abs() / hill.width_mm.powi(2)).sum();
+        let off = LATTICE_MM * LATTICE_MM / 4.0 * bent;
+        sheet.levels = [low - off - thickness_mm, high + off];
+        sheet
+    }
+
     pub fn ball(&self) -> (DVec3, f64) {
         let [low, high] = self.levels();
         (self.center, self.radius_mm.hypot(high.abs().max(low.abs())))
@@ -42,8 +61,7 @@ impl Sheet {
 
     /// The lowest and the highest level above the plane that it can have.
     pub fn levels(&self) -> [f64; 2] {
-        let sum = |sign: f64| self.hills.iter().map(|h| (h.height_mm * sign).max(0.0)).sum::<f64>();
-        [-sum(-1.0) - self.thickness_mm, sum(1.0)]
+        self.levels
     }
 
     /// A world point in the sheet's axes.
@@ -81,8 +99,13 @@ impl Sheet {
         above <= 0.0 && above >= -self.thickness_mm
     }
 
-    /// As of every solid, to [`FOUND_MM`]; what is thinner than [`STEP_MM`] along the ray may be missed.
-    pub fn enter(&self, ray: &Ray) -> Option<f64> {
+    /// The steepest that the sum of hills can be: each is steepest one width from its centre.
+    fn steepest(&self) -> f64 {
+        self.hills.iter().map(|hill| (hill.height_mm / hill.width_mm).abs() * (-0.5_f64).exp()).sum()
+    }
+
+    /// As of every solid, to [`FOUND_MM`], and before `limit` along the ray; what is thinner than [`STEP_MM`] along it may be missed.
+    pub fn enter(&self, ray: &Ray, limit: f64) -> Option<f64> {
         let origin = self.local(ray.origin_mm);
         let direction = self.axes.transpose() * ray.direction;
         let [low, high] = self.levels();
@@ -97,20 +120,23 @@ impl Sheet {
             return None;
         }
         let between = |t: f64| t.clamp(nearest - half2.sqrt(), nearest + half2.sqrt());
-        let (start, end) = (between(ends[0]), between(ends[1]));
-        let inside = |t: f64| self.contains_local(origin + direction * t);
-        let steps = ((end - start) / STEP_MM).ceil().clamp(1.0, 10_000.0) as usize;
-        let mut outside = start;
-        for n in 0..=steps {
-            let t = start + STEP_MM * n as f64;
-            if !inside(t) {
+        let (start, end) = (between(ends[0]), between(ends[1]).min(limit));
+        let slant = self.steepest().hypot(1.0);
+        let (mut outside, mut t) = (start, start);
+        while t <= end + STEP_MM {
+            let p = origin + direction * t;
+            let above = p.z - self.height(p.truncate());
+            if !self.contains_local(p) {
                 outside = t;
+                // The surface is at least this far from a point above it.
+                t += (above / slant).max(STEP_MM);
                 continue;
             }
             let mut entered = t;
             while entered - outside > FOUND_MM {
                 let middle = (entered + outside) / 2.0;
-                *(if inside(middle) { &mut entered } else { &mut outside }) = middle;
+                let is_in = self.contains_local(origin + direction * middle);
+                *(if is_in { &mut entered } else { &mut outside }) = middle;
             }
             return Some(entered);
         }

@@ -74,8 +74,8 @@ impl Solid {
         }
     }
 
-    /// Distance along the ray at which it enters; `None` where it misses. The ray starts outside.
-    pub fn enter(&self, ray: &Ray) -> Option<f64> {
+    /// Distance along the ray at which it enters; `None` where it misses, or may be only behind `limit`. The ray starts outside.
+    pub fn enter(&self, ray: &Ray, limit: f64) -> Option<f64> {
         match self {
             Self::Capsule { from, to, radius_mm: radius } => {
                 let (along, start) = (*to - *from, ray.origin_mm - *from);
@@ -101,7 +101,7 @@ impl Solid {
                 let discriminant = b * b - a * (origin.length_squared() - 1.0);
                 (discriminant > 0.0).then(|| (-b - discriminant.sqrt()) / a)
             }
-            Self::Sheet(sheet) => sheet.enter(ray),
+            Self::Sheet(sheet) => sheet.enter(ray, limit),
         }
     }
 }

@@ -11,7 +11,7 @@ use crate::{
 };
 
 /// Lines of sight along each side of the picture by which the nearest and the farthest point seen are found.
-const RAYS: usize = 96;
+const RAYS: usize = 64;
 
 /// Solids in the camera's axes about its focus, each with the number of its mask.
 #[derive(Clone, Debug)]
@@ -42,9 +42,13 @@ impl Space {
 
     pub fn first(&self, at: DVec2) -> Option<Hit> {
         let ray = self.sight(at);
-        let entered =
-            self.solids.iter().enumerate().filter_map(|(n, (_, solid))| Some((n, solid.enter(&ray)?)));
-        let (solid, t) = entered.min_by(|a, b| a.1.total_cmp(&b.1))?;
+        // Backwards: the sheet, which takes longest, stands first, and need not be searched behind what was met.
+        let mut met = None;
+        for (n, (_, solid)) in self.solids.iter().enumerate().rev() {
+            let limit = met.map_or(f64::INFINITY, |(_, t)| t);
+            met = solid.enter(&ray, limit).filter(|t| *t < limit).map(|t| (n, t)).or(met);
+        }
+        let (solid, t) = met?;
         let point = ray.origin_mm + ray.direction * t;
         Some(Hit { solid, point, depth_mm: self.camera.distance_mm() - point.z })
     }
@@ -72,9 +76,9 @@ impl Space {
         let (center, radius) = alone.ball();
         let (middle, side) = (self.place(center), radius * 2.6 / self.camera.height_mm);
         let (mut seen, mut all) = (0, 0);
-        for n in 0..40 * 40 {
-            let at = middle + (DVec2::new((n % 40) as f64, (n / 40) as f64) / 39.0 - 0.5) * side;
-            if alone.enter(&self.sight(at)).is_some() {
+        for n in 0..24 * 24 {
+            let at = middle + (DVec2::new((n % 24) as f64, (n / 24) as f64) / 23.0 - 0.5) * side;
+            if alone.enter(&self.sight(at), f64::INFINITY).is_some() {
                 all += 1;
                 seen += usize::from(self.first(at).is_some_and(|hit| hit.solid == solid));
             }

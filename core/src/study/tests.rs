@@ -206,13 +206,8 @@ fn the_marked_shape_is_that_of_the_surface() {
 #[test]
 fn curvatures_are_the_changes_of_the_normal() {
     let hill = |x, y, width_mm, height_mm| Hill { center: DVec2::new(x, y), width_mm, height_mm };
-    let sheet = |hills| Sheet {
-        center: DVec3::new(1.0, 2.0, 3.0),
-        axes: DMat3::from_rotation_x(0.3),
-        radius_mm: 50.0,
-        thickness_mm: 3.0,
-        hills,
-    };
+    let sheet =
+        |hills| Sheet::new(DVec3::new(1.0, 2.0, 3.0), DMat3::from_rotation_x(0.3), [50.0, 3.0], hills);
     // On top of a hill both are height / width².
     let [a, b] = sheet(vec![hill(4.0, 5.0, 6.0, 9.0)]).curvatures(DVec2::new(4.0, 5.0));
     assert!((a - 0.25).abs() < 1e-9 && (b - 0.25).abs() < 1e-9, "{a} {b}");
@@ -256,7 +251,7 @@ fn rays_enter_solids_where_small_steps_do() {
         let to = target - origin_mm;
         let ray = Ray { origin_mm, direction: to / to.length() };
         for (k, solid) in [&rod, &egg].into_iter().enumerate() {
-            let (found, expected) = (solid.enter(&ray), stepped(solid, &ray, 0.01));
+            let (found, expected) = (solid.enter(&ray, f64::INFINITY), stepped(solid, &ray, 0.01));
             match (found, expected) {
                 (Some(found), Some(expected)) => {
                     met[k] += 1;
@@ -274,12 +269,12 @@ fn rays_enter_solids_where_small_steps_do() {
     assert!(met.iter().all(|met| *met > 30), "{met:?}");
     let along = Ray { origin_mm: DVec3::new(-30.0, 0.0, 0.0), direction: DVec3::X };
     let rod = Solid::Capsule { from: DVec3::ZERO, to: DVec3::X * 5.0, radius_mm: 2.0 };
-    assert_eq!(rod.enter(&along), Some(28.0), "along the axis");
+    assert_eq!(rod.enter(&along, f64::INFINITY), Some(28.0), "along the axis");
 }
 
 #[test]
 fn practice_is_easy_and_goes_through_the_shapes() {
-    let of = |task, n| Scene::of(&trial(task, 1_000_000 + n, true), 3, 5).unwrap();
+    let of = |task, n: u32| Scene::of(&trial(task, 1_000_000 + n, true), 3, 5).unwrap();
     assert!(of(Task::Nearer, 0).difference >= 0.35);
     assert!(of(Task::Larger, 0).difference >= 3.4);
     let shapes: BTreeSet<String> = (0..3).map(|n| of(Task::Shape, n).truth.text()).collect();

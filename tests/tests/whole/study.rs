@@ -302,5 +302,6 @@ fn marked_points_are_seen_in_the_pictures() {
         assert!((0.4..0.95).contains(&solid), "{trial:?}: {solid}");
     }
     glioscope_tests::print_line(&format!("{seen} marks, at most {worst:.2} mm off"));
-    assert_eq!(seen, 36);
+    // Two marks of two tasks, one of two others, for each light and for practice.
+    assert_eq!(seen, 6 * (lights.len() + 1));
 }

@@ -12,6 +12,7 @@ use glioscope::{
 use glioscope_core::study::{Answer, Score, Task, Truth, records};
 use glioscope_render::{Gpu, LightingMode};
 use glioscope_tests::{count_color, software_setup};
+use strum::VariantArray;
 
 use crate::study::settings;
 
@@ -46,7 +47,7 @@ fn press(window: &mut StudyWindow, key: Key) {
 
 /// Goes on until a picture is on the screen.
 fn to_picture(window: &mut StudyWindow) {
-    for _ in 0..3000 {
+    for _ in 0..15_000 {
         match window.state().study.page() {
             Page::Shown { since_s: Some(_), .. } => return,
             Page::Shown { .. } | Page::Wait { .. } => {
@@ -121,31 +122,40 @@ fn every_task_fits_its_window() {
     let looks =
         [("en", [1280.0, 800.0], (Language::En, false)), ("de", [1024.0, 640.0], (Language::De, true))];
     for (name, size, look) in looks {
-        for task in [Task::Nearer, Task::Depth, Task::Larger, Task::Shape, Task::Preference] {
-            let out = folder.path().join(format!("{name}-{task}.csv"));
-            let px = if std::env::var_os("GLIOSCOPE_TEST_PICTURES").is_some() { 768 } else { 128 };
-            let mut window = window(&out, &[task], size, look, px);
-            window.run_steps(2);
-            keep(&mut window, &format!("{name}-welcome"));
-            press(&mut window, Key::Space);
+        let out = folder.path().join(format!("{name}.csv"));
+        let px = if std::env::var_os("GLIOSCOPE_TEST_PICTURES").is_some() { 768 } else { 128 };
+        let mut window = window(&out, Task::VARIANTS, size, look, px);
+        let screen = egui::Rect::from_min_size(egui::Pos2::ZERO, size.into());
+        let fits = |window: &StudyWindow, least: usize, what: &str| {
+            let named: Vec<egui::Rect> =
+                window.query_all_by_label_contains("").map(|node| node.rect()).collect();
+            assert!(named.len() >= least, "{name} {what}: {named:?}");
+            assert!(named.iter().all(|rect| screen.contains_rect(*rect)), "{name} {what}: {named:?}");
+        };
+        window.run_steps(2);
+        keep(&mut window, &format!("{name}-welcome"));
+        fits(&window, 5, "welcome");
+        press(&mut window, Key::Space);
+        for task in Task::VARIANTS {
             keep(&mut window, &format!("{name}-{task}-asked"));
-            to_picture(&mut window);
-            press(&mut window, Key::Num4);
-            keep(&mut window, &format!("{name}-{task}"));
-            let screen = egui::Rect::from_min_size(egui::Pos2::ZERO, size.into());
-            let mut named = 0;
-            for node in window.query_all(egui_kittest::kittest::By::new().recursive(true)) {
-                if node.accesskit_node().label().is_some_and(|label| !label.is_empty()) {
-                    named += 1;
-                    assert!(
-                        screen.contains_rect(node.rect()),
-                        "{name} {task}: {:?} {:?}",
-                        node.accesskit_node().label(),
-                        node.rect()
-                    );
+            fits(&window, 5, &format!("{task} is asked"));
+            let mut is_first = true;
+            while window.state().study.trial().is_some_and(|trial| trial.task == *task) {
+                to_picture(&mut window);
+                if *task == Task::Depth {
+                    press(&mut window, Key::Num4);
+                }
+                if std::mem::take(&mut is_first) {
+                    keep(&mut window, &format!("{name}-{task}"));
+                    fits(&window, 4, &task.to_string());
+                }
+                press(&mut window, if *task == Task::Depth { Key::Enter } else { Key::ArrowRight });
+                if matches!(window.state().study.page(), Page::Feedback { .. }) {
+                    press(&mut window, Key::Space);
                 }
             }
-            assert!(named >= 4, "{name} {task}: {named}");
         }
+        keep(&mut window, &format!("{name}-done"));
+        assert_eq!(window.state().study.page(), &Page::Done);
     }
 }

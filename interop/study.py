@@ -124,4 +124,5 @@ def main():
     print(f"study: {checks} checks, {PARTICIPANTS} participants; numbers differ by at most {worst:.1e} of themselves")
 
 
-main()
+if __name__ == "__main__":
+    main()

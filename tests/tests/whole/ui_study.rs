@@ -16,6 +16,9 @@ use strum::VariantArray;
 
 use crate::study::settings;
 
+/// How long a picture is looked at at least.
+const LOOKED: Duration = Duration::from_millis(50);
+
 type StudyWindow = Harness<'static, StudyApp>;
 
 fn window(
@@ -49,7 +52,11 @@ fn press(window: &mut StudyWindow, key: Key) {
 fn to_picture(window: &mut StudyWindow) {
     for _ in 0..15_000 {
         match window.state().study.page() {
-            Page::Shown { since_s: Some(_), .. } => return,
+            Page::Shown { since_s: Some(_), .. } => {
+                // A participant looks at it.
+                std::thread::sleep(LOOKED);
+                return;
+            }
             Page::Shown { .. } | Page::Wait { .. } => {
                 std::thread::sleep(Duration::from_millis(20));
                 window.run_steps(1);
@@ -80,7 +87,7 @@ fn trials_are_answered_by_keys_and_written() {
     window.get_by_label("A study of seeing");
     press(&mut window, Key::Space);
     window.get_by_label("Which point is nearer?");
-    window.get_by_label("First come 1 pictures for practice. They don't count.");
+    window.get_by_label("First come pictures for practice: 1. They don't count.");
     to_picture(&mut window);
     window.get_by_label("Picture of the study. Which point is nearer?");
     window.get_by_label("Practice 1 of 1");
@@ -111,7 +118,7 @@ fn trials_are_answered_by_keys_and_written() {
     let rows = records(&std::fs::read_to_string(&out).unwrap()).unwrap();
     assert_eq!(rows.len(), 4);
     assert_eq!(rows[0].score, Score::Correct(true));
-    assert!(rows.iter().all(|row| row.time_s > 0.0 && row.time_s < 60.0), "{rows:?}");
+    assert!(rows.iter().all(|row| row.time_s >= LOOKED.as_secs_f64() && row.time_s < 60.0), "{rows:?}");
     assert_eq!(rows.iter().filter(|row| row.practice).count(), 2);
 }
 

@@ -173,7 +173,7 @@ impl Study {
             Page::Failed(_) if goes_on => self.write(now_s),
             Page::Shown { since_s: Some(_), .. } if goes_on => self.pauses = !self.pauses,
             Page::Shown { since_s: Some(since_s), percent } => {
-                self.answer(key, repeats, (since_s, percent), now_s)
+                self.answer(key, repeats, (since_s, percent), now_s);
             }
             _ => {}
         }

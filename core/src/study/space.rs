@@ -75,15 +75,15 @@ impl Space {
         let alone = &self.solids[solid].1;
         let (center, radius) = alone.ball();
         let (middle, side) = (self.place(center), radius * 2.6 / self.camera.height_mm);
-        let (mut seen, mut all) = (0, 0);
+        let (mut seen, mut all) = (0_u32, 0_u32);
         for n in 0..24 * 24 {
-            let at = middle + (DVec2::new((n % 24) as f64, (n / 24) as f64) / 23.0 - 0.5) * side;
+            let at = middle + (DVec2::new(f64::from(n % 24), f64::from(n / 24)) / 23.0 - 0.5) * side;
             if alone.enter(&self.sight(at), f64::INFINITY).is_some() {
                 all += 1;
-                seen += usize::from(self.first(at).is_some_and(|hit| hit.solid == solid));
+                seen += u32::from(self.first(at).is_some_and(|hit| hit.solid == solid));
             }
         }
-        if all == 0 { 0.0 } else { f64::from(seen as u32) / f64::from(all) }
+        if all == 0 { 0.0 } else { f64::from(seen) / f64::from(all) }
     }
 
     /// The solids as masks on a grid along the world's axes. `None` where nothing is, or the grid can't be made.

@@ -259,7 +259,7 @@ fn rays_enter_solids_where_small_steps_do() {
                 }
                 // Steps may jump over a tip.
                 (Some(found), None) => {
-                    assert!(!solid.contains(ray.origin_mm + ray.direction * (found + 0.05)))
+                    assert!(!solid.contains(ray.origin_mm + ray.direction * (found + 0.05)));
                 }
                 (None, None) => {}
                 (None, Some(_)) => panic!("a ray that misses is inside"),

@@ -34,7 +34,7 @@ use crate::PROGRAM;
 pub type Outputs = fn(&Made) -> Vec<Value>;
 
 /// Schemas by name, and what makes outputs that have all that they describe: answers of the command line.
-pub const ANSWERS: [(&str, Outputs); 11] = [
+pub const ANSWERS: [(&str, Outputs); 12] = [
     ("measure", measures),
     ("ellipsoids", ellipsoids),
     ("lesions", found_lesions),

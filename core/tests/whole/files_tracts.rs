@@ -246,13 +246,7 @@ fn a_tsf_that_does_not_fit_or_is_damaged_is_refused_in_one_line() {
         (with(&|all| all.truncate(2)), "scalars of 2 fibres", "those of 3, as its tracts have"),
         (with(&|all| all.push(vec![1.0])), "scalars of more than 3 fibres", "those of 3"),
         (with(&|all| all[2].push(1.0)), "more than 7 scalars in fibre 2", "7, one for each of its points"),
-        (
-            with(&|all| {
-                all[0].pop();
-            }),
-            "3 scalars in fibre 0",
-            "4, one for each of its points",
-        ),
+        (with(&|all| all[0].truncate(3)), "3 scalars in fibre 0", "4, one for each of its points"),
         (with(&|all| all.swap(0, 2)), "more than 4 scalars in fibre 0", "4, one"),
         (cut, "the end of the file after", "an infinity, which ends a .tsf"),
         (Vec::new(), "an empty file", "track scalars"),

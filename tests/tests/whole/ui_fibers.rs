@@ -92,7 +92,7 @@ fn different<'a>(
     a: &'a RgbaImage,
     b: &'a RgbaImage,
 ) -> impl Iterator<Item = ([u8; 4], [u8; 4], (u32, u32))> + 'a {
-    let is_drawing = |x: u32, y: u32| y > 90 && y < 350 && x < 410;
+    let is_drawing = |x: u32, y: u32| y > 110 && y < 350 && x < 410;
     a.enumerate_pixels()
         .zip(b.pixels())
         .filter(move |((x, y, p), q)| is_drawing(*x, *y) && *p != *q)

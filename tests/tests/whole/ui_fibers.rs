@@ -44,7 +44,7 @@ fn bundle(axis: usize, aside: f32) -> Fibers {
 }
 
 /// Writes a scalar of the points of `fibers` as MRtrix does.
-fn write_tsf(path: &Path, fibers: &Fibers, value: impl Fn(usize) -> f32) {
+fn write_tsf(path: &Path, fibers: &[Vec<[f32; 3]>], value: impl Fn(usize) -> f32) {
     let mut bytes = b"mrtrix track scalars\ndatatype: Float32LE\nfile: . 128\nEND\n".to_vec();
     bytes.resize(128, 0);
     let mut push = |v: f32| bytes.extend(v.to_le_bytes());
@@ -187,7 +187,7 @@ fn scalars_radius_and_curves_are_drawn_from_the_command_line() {
     let line = refusal(PROGRAM, &arguments);
     assert!(line.contains("--fibre-colour: found MD, expected one of plain, direction, FA"), "{line}");
     let short = folder.path().join("short.tsf");
-    write_tsf(&short, &fibers[..3].to_vec(), |_| 0.0);
+    write_tsf(&short, &fibers[..3], |_| 0.0);
     let line = refusal(
         PROGRAM,
         &["tracts", "--sample", "--tracts", file, "--tracts", short.to_str().unwrap(), "--json"],
@@ -268,7 +268,7 @@ fn the_list_s_menu_sets_the_look_which_is_undone_and_saved() {
     assert_eq!(look(&harness), FiberLook::default());
     perform(&mut harness, EditCommand::Redo);
     assert_eq!(look(&harness), set);
-    // Out of range: a session isn't opened.
+    // Sessions keep it.
     let saved = folder.path().join("a.glioscope.json");
     perform(&mut harness, AppCommand::SaveSessionTo(saved.clone()));
     let document = session::load(&saved).unwrap().document;

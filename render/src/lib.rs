@@ -23,7 +23,7 @@ pub use image::{
     Shape as TransferShape, TransferFunction, TransferPreset, ValueHistogram,
 };
 pub use scene::{
-    ColorMap, Coloring, Lens, LightSettings, LightingMode, MaskColors, MutualOcclusion, Palette, Plan,
+    ColorMap, Coloring, Lamp, LampFrame, Lens, LightSettings, LightingMode, MaskColors, MutualOcclusion, Palette, Plan,
     Preset, Quality, RegionScene, Rgb, SlicePlane, SliceVariant, agreement_color,
 };
 pub use solid::tubes::{DrawnTubes, TubeLook, TubeSet, TubeShape, TubeValues, tract_color};

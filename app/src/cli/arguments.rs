@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 use glam::DVec3;
 use glioscope_render::{
-    ChangeStyle, ClipPlane, ColorMap, LightSettings, LightingMode, MutualOcclusion, Palette, Preset,
+    ChangeStyle, ClipPlane, ColorMap, LampFrame, LightSettings, LightingMode, MutualOcclusion, Palette, Preset,
     SliceVariant,
     flat::{Mixing, Overlay},
 };
@@ -205,7 +205,8 @@ pub struct ReplayArguments {
 /// Lighting of the 3D views.
 #[derive(Clone, Copy, Debug, Default, Args)]
 pub struct LightArguments {
-    /// The lighting mode.
+    /// The lighting mode. Soft shadows of slices or cones show depth order and size best, the hard ones of a lamp (half-angle)
+    /// absolute depth in CT; a headlight (the others) is liked best in pictures for patients.
     #[arg(long, value_name = "MODE", value_parser = keyword::<LightingMode>())]
     pub light: Option<LightingMode>,
     /// Quality preset; default: reference.
@@ -214,13 +215,19 @@ pub struct LightArguments {
     /// Half the opening angle of the cone that light comes from, in degrees: 0 to 85.
     #[arg(long, value_name = "DEG", value_parser = parse::within(0.0..=85.0), allow_hyphen_values = true)]
     pub aperture: Option<f64>,
+    /// Half-angle: where the lamp stands, in degrees: AZIMUTH,ELEVATION. To the viewer's right and upwards; 0,0 is at the eye.
+    #[arg(long, value_name = "AZ,EL", value_parser = parse::lamp, allow_hyphen_values = true)]
+    pub lamp: Option<[f64; 2]>,
+    /// Half-angle: what the lamp stands still to. For the patient its angles are those of `--camera`.
+    #[arg(long, value_name = "FRAME", value_parser = keyword::<LampFrame>())]
+    pub lamp_frame: Option<LampFrame>,
     /// Slices: how occlusion is propagated; paper: with approximate distances.
     #[arg(long, value_name = "VARIANT", value_parser = keyword::<SliceVariant>())]
     pub slices: Option<SliceVariant>,
     /// Slices: samples along a side of the footprint, 1 to 13.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=13))]
     pub footprint: Option<u32>,
-    /// Slices: distance between slices.
+    /// Slices, half-angle: distance between slices.
     #[arg(long, value_name = "MM", value_parser = parse::above_zero(100.0), allow_hyphen_values = true)]
     pub slice_mm: Option<f64>,
     /// Slices: pairs A-B where A darkens B, of image-image, opaque-image, image-opaque and opaque-opaque; or none.

@@ -1,6 +1,6 @@
 //! Lighting settings from the command line.
 
-use glioscope_render::{LightSettings, Preset, light};
+use glioscope_render::{Lamp, LightSettings, LightingMode, Preset, light};
 
 use super::arguments::LightArguments;
 use crate::model::{LightChoice, Shading};
@@ -14,6 +14,11 @@ pub(super) fn light(arguments: &LightArguments, base: &LightChoice) -> LightChoi
         mode: mode.unwrap_or(base.mode),
         preset: quality.or(base.preset),
         aperture_deg: aperture.unwrap_or(base.aperture_deg),
+        lamp: {
+            let [azimuth_deg, elevation_deg] =
+                arguments.lamp.unwrap_or([base.lamp.azimuth_deg, base.lamp.elevation_deg]);
+            Lamp { frame: arguments.lamp_frame.unwrap_or(base.lamp.frame), azimuth_deg, elevation_deg }
+        },
         own: base.own.filter(|_| is_open),
         shading: Shading {
             occlusion_radius_mm: arguments.occlusion_mm.or(base.shading.occlusion_radius_mm),
@@ -33,6 +38,10 @@ pub(super) fn light(arguments: &LightArguments, base: &LightChoice) -> LightChoi
         variant: slices.unwrap_or(preset.variant),
         slice_grid: footprint.unwrap_or(preset.slice_grid),
         slice_mm: slice_mm.unwrap_or(preset.slice_mm),
+        // The light's buffer is as fine as the slices, as in the presets.
+        lamp_texel_mm: slice_mm
+            .filter(|_| choice.mode == LightingMode::HalfAngle)
+            .unwrap_or(preset.lamp_texel_mm),
         mutual: darkens.unwrap_or(preset.mutual),
         ..preset
     });
@@ -42,7 +51,7 @@ pub(super) fn light(arguments: &LightArguments, base: &LightChoice) -> LightChoi
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glioscope_render::{LightingMode, MutualOcclusion, SliceVariant};
+    use glioscope_render::{LampFrame, MutualOcclusion, SliceVariant};
 
     #[test]
     fn custom_settings_start_from_the_preset() {
@@ -58,5 +67,18 @@ mod tests {
         assert_eq!((choice.mode, own.mode), (LightingMode::Slices, LightingMode::Slices));
         assert_eq!((own.variant, own.mutual), (SliceVariant::PaperExact, MutualOcclusion::NONE));
         assert_eq!(own.slice_mm, light::preset(LightingMode::Slices, Preset::Reference).lighting.slice_mm);
+        let arguments = LightArguments {
+            light: Some(LightingMode::HalfAngle),
+            lamp: Some([30.0, 40.0]),
+            slice_mm: Some(2.0),
+            ..LightArguments::default()
+        };
+        let base = LightChoice {
+            lamp: Lamp { frame: LampFrame::Patient, ..Lamp::DEFAULT },
+            ..LightChoice::default()
+        };
+        let lighting = light(&arguments, &base).at_rest().lighting;
+        let lamp = Lamp { frame: LampFrame::Patient, azimuth_deg: 30.0, elevation_deg: 40.0 };
+        assert_eq!((lighting.lamp, lighting.slice_mm, lighting.lamp_texel_mm), (lamp, 2.0, 2.0));
     }
 }

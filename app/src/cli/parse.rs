@@ -86,6 +86,14 @@ pub fn camera(text: &str) -> Result<[f64; 2], String> {
     numbers(text).ok_or_else(|| "AZIMUTH,ELEVATION in degrees".into())
 }
 
+/// Where a lamp stands.
+pub fn lamp(text: &str) -> Result<[f64; 2], String> {
+    let within = |[azimuth, elevation]: &[f64; 2]| azimuth.abs() <= 360.0 && elevation.abs() <= 90.0;
+    numbers(text)
+        .filter(within)
+        .ok_or_else(|| "AZIMUTH,ELEVATION in degrees, -360 to 360 and -90 to 90".into())
+}
+
 /// A point, world millimetres.
 pub fn point(text: &str) -> Result<DVec3, String> {
     numbers(text).map(DVec3::from_array).ok_or_else(|| "X,Y,Z in millimetres".into())

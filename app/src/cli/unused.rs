@@ -27,6 +27,8 @@ pub(super) fn without_effect(arguments: &RenderArguments) -> Vec<&'static str> {
         ("--light", light.light.is_some(), views_3d),
         ("--quality", light.quality.is_some(), views_3d),
         ("--aperture", light.aperture.is_some(), views_3d),
+        ("--lamp", light.lamp.is_some(), views_3d),
+        ("--lamp-frame", light.lamp_frame.is_some(), views_3d),
         ("--slices", light.slices.is_some(), with_image),
         ("--footprint", light.footprint.is_some(), with_image),
         ("--slice-mm", light.slice_mm.is_some(), with_image),
@@ -76,13 +78,15 @@ pub(super) fn without_effect_on_light(arguments: &LightArguments, choice: &Light
     let row = light::row(choice.mode);
     let table = [
         ("--aperture", a.aperture.is_some(), row.has_aperture),
+        ("--lamp", a.lamp.is_some(), row.has_lamp),
+        ("--lamp-frame", a.lamp_frame.is_some(), row.has_lamp),
         ("--occlusion-mm", a.occlusion_mm.is_some(), choice.has_ambient_occlusion()),
         ("--smooth", a.smooth, row.lights_smooth),
         ("--vicinity-mm", a.vicinity_mm.is_some(), choice.has_vicinity()),
         ("--vicinity-samples", a.vicinity_samples.is_some(), choice.has_vicinity()),
         ("--slices", a.slices.is_some(), choice.mode == LightingMode::Slices),
         ("--footprint", a.footprint.is_some(), choice.mode == LightingMode::Slices),
-        ("--slice-mm", a.slice_mm.is_some(), choice.mode == LightingMode::Slices),
+        ("--slice-mm", a.slice_mm.is_some(), choice.has_slices()),
     ];
     let unused = table.into_iter().filter(|(_, given, has_effect)| *given && !has_effect);
     unused.map(|(option, ..)| option).collect()
@@ -126,5 +130,15 @@ mod tests {
         let occlusion = LightArguments { occlusion_mm: Some(5.0), smooth: true, ..LightArguments::default() };
         assert_eq!(unused(LightingMode::Cones, &occlusion), ["--occlusion-mm", "--smooth"]);
         assert_eq!(unused(LightingMode::Horizon, &occlusion), [""; 0]);
+        let lamp = LightArguments {
+            lamp: Some([10.0, 20.0]),
+            slice_mm: Some(1.0),
+            aperture: Some(20.0),
+            occlusion_mm: Some(3.0),
+            smooth: true,
+            ..LightArguments::default()
+        };
+        assert_eq!(unused(LightingMode::HalfAngle, &lamp), ["--aperture", "--occlusion-mm"]);
+        assert_eq!(unused(LightingMode::Slices, &lamp), ["--lamp", "--occlusion-mm"]);
     }
 }

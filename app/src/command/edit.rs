@@ -12,7 +12,7 @@ use glioscope_core::{
     optics::Camera,
 };
 use glioscope_render::{
-    ClipPlane, Coloring, Lens, LightingMode, Palette, Preset, TransferFunction,
+    ClipPlane, Coloring, Lamp, Lens, LightingMode, Palette, Preset, TransferFunction,
     flat::{Overlay, Window},
     light,
 };
@@ -84,6 +84,7 @@ pub enum EditCommand {
     SetLightingMode(LightingMode),
     SetPreset(Option<Preset>),
     SetAperture(f64),
+    SetLamp(Lamp),
     SetShading(Shading),
     // Measuring.
     AddRuler(Box<Ruler>),
@@ -222,6 +223,7 @@ impl EditCommand {
             | EditKind::EditLesions
             | EditKind::SetResponse
             | EditKind::SetAperture
+            | EditKind::SetLamp
             | EditKind::SetShading
             | EditKind::AddRuler
             | EditKind::RenameRuler
@@ -293,13 +295,15 @@ impl EditCommand {
             Self::EditLesions(edits) => Label::new(lesion_edit_text(edits)),
             Self::SetLightingMode(mode) => {
                 let row = light::row(*mode);
-                Label::new(format!("Light: {}", row.title.to_lowercase())).detail(row.summary)
+                Label::new(format!("Light: {}", row.title.to_lowercase()))
+                    .detail(format!("{}. {}", row.summary, row.advice))
             }
             Self::SetPreset(None) => Label::new("Quality: automatic")
                 .detail("Fluent while something moves, then as good as it gets"),
             Self::SetPreset(Some(preset)) => Label::new(format!("Quality: {}", preset.name()))
                 .detail("The same whether something moves or not"),
             Self::SetAperture(_) => Label::new("Aperture of the light"),
+            Self::SetLamp(_) => Label::new("Place of the lamp"),
             Self::SetShading(shading) if *shading == Shading::default() => {
                 Label::new("Shading as the lighting mode has it")
             }
@@ -356,6 +360,7 @@ impl EditCommand {
             Self::SetAgreement(_) => Some("agreement"),
             Self::SetLesions(_) => Some("lesions"),
             Self::SetAperture(_) => Some("aperture"),
+            Self::SetLamp(_) => Some("lamp"),
             Self::SetShading(_) => Some("shading"),
             _ => None,
         }
@@ -479,6 +484,7 @@ impl EditCommand {
             Self::SetLightingMode(mode) => edit.light.mode = *mode,
             Self::SetPreset(preset) => edit.light.preset = *preset,
             Self::SetAperture(degrees) => edit.light.aperture_deg = *degrees,
+            Self::SetLamp(lamp) => edit.light.lamp = *lamp,
             Self::SetShading(shading) => edit.light.shading = *shading,
             Self::AddRuler(ruler) => {
                 if ruler.length_mm().is_finite() && edit.rulers.len() < MOST_RULERS {

@@ -1,6 +1,6 @@
 //! Lighting settings of the 3D views.
 
-use glioscope_render::{LightSettings, LightingMode, Preset, Quality, light};
+use glioscope_render::{Lamp, LightSettings, LightingMode, Preset, Quality, light};
 use serde::{Deserialize, Serialize};
 
 /// Lighting mode, preset and settings of the 3D views.
@@ -12,6 +12,9 @@ pub struct LightChoice {
     pub preset: Option<Preset>,
     /// Half the opening angle of the cone that light arrives through, degrees.
     pub aperture_deg: f64,
+    /// Where the lamp stands in the mode that has one.
+    #[serde(default)]
+    pub lamp: Lamp,
     /// Custom settings instead of the preset's.
     #[serde(default)]
     pub own: Option<LightSettings>,
@@ -62,27 +65,42 @@ impl Default for LightChoice {
     fn default() -> Self {
         let aperture_deg = LightSettings::DEFAULT.aperture_deg;
         let shading = Shading::default();
-        Self { mode: LightingMode::default(), preset: None, aperture_deg, own: None, shading }
+        Self {
+            mode: LightingMode::default(),
+            preset: None,
+            aperture_deg,
+            lamp: Lamp::DEFAULT,
+            own: None,
+            shading,
+        }
     }
 }
 
 impl LightChoice {
-    /// `quality`, which must be for this lighting mode, with this choice's aperture or custom settings, and its shading.
+    /// `quality`, which must be for this lighting mode, with this choice's aperture or custom settings, its lamp, and
+    /// its shading.
     pub fn at(&self, quality: Quality) -> Quality {
         let lighting =
             self.own.unwrap_or(LightSettings { aperture_deg: self.aperture_deg, ..quality.lighting });
+        let lighting = LightSettings { lamp: self.lamp, ..lighting };
         let cost = quality.cost.filter(|_| self.own.is_none());
         self.shading.at(Quality { lighting, cost, ..quality })
     }
 
     /// Whether the mode has ambient occlusion within [`Shading::occlusion_radius_mm`].
     pub fn has_ambient_occlusion(&self) -> bool {
-        !light::row(self.mode).has_aperture
+        let row = light::row(self.mode);
+        !row.has_aperture && !row.has_lamp
     }
 
     /// Whether the mode has vicinity occlusion of opaque surfaces.
     pub fn has_vicinity(&self) -> bool {
         self.mode == LightingMode::Slices
+    }
+
+    /// Whether the mode has slices at distances of [`LightSettings::slice_mm`].
+    pub fn has_slices(&self) -> bool {
+        matches!(self.mode, LightingMode::Slices | LightingMode::HalfAngle)
     }
 
     /// The quality of views at rest and of exported files: the preset, or the reference without one.

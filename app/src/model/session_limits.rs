@@ -5,7 +5,7 @@ use std::{collections::BTreeSet, fmt::Display, ops::RangeInclusive};
 use egui_tiles::{Container, Tile, TileId, Tree};
 use glam::{DMat3, DVec2, DVec3};
 use glioscope_core::{Connectivity, dates::iso_date, lesions};
-use glioscope_render::{LightSettings, image::MOST_CLIP_PLANES};
+use glioscope_render::{Lamp, LightSettings, image::MOST_CLIP_PLANES};
 use serde_json::Value;
 
 use super::{
@@ -175,6 +175,7 @@ fn check_edit(edit: &Edit) -> Checked {
         neighbors("ellipsoid_opacities neighbors", own.neighbors)?;
     }
     number("light aperture_deg", edit.light.aperture_deg, &(0.0..=85.0))?;
+    check_lamp("light lamp", &edit.light.lamp)?;
     edit.light.own.iter().try_for_each(check_light)?;
     check_shading(&edit.light.shading)?;
     number("agreement percentile", edit.agreement.percentile, &PERCENTILE)?;
@@ -254,7 +255,14 @@ fn check_shading(shading: &Shading) -> Checked {
     given("light shading vicinity_samples", shading.vicinity_samples.map(f64::from), &(1.0..=most))
 }
 
+fn check_lamp(name: &str, lamp: &Lamp) -> Checked {
+    number(&format!("{name} azimuth_deg"), lamp.azimuth_deg, &(-360.0..=360.0))?;
+    number(&format!("{name} elevation_deg"), lamp.elevation_deg, &(-90.0..=90.0))
+}
+
 fn check_light(own: &LightSettings) -> Checked {
+    check_lamp("light own lamp", &own.lamp)?;
+    number("light own lamp_texel_mm", own.lamp_texel_mm, &(0.01..=100.0))?;
     number("light own aperture_deg", own.aperture_deg, &(0.0..=85.0))?;
     number("light own slice_grid", own.slice_grid, &(1.0..=13.0))?;
     number("light own slice_mm", own.slice_mm, &(0.01..=100.0))?;
@@ -419,6 +427,21 @@ mod tests {
             ("/edit/ellipsoid_opacities/0/neighbors", "ellipsoid_opacities neighbors", neighbors),
             ("/edit/light/aperture_deg", "light aperture_deg", degrees.clone()),
             ("/edit/light/own/aperture_deg", "light own aperture_deg", degrees),
+            (
+                "/edit/light/lamp/azimuth_deg",
+                "light lamp azimuth_deg",
+                [json!([-360.0, 360.0]), json!([-360.1, 361.0])],
+            ),
+            (
+                "/edit/light/own/lamp/elevation_deg",
+                "light own lamp elevation_deg",
+                [json!([-90.0, 90.0]), json!([-90.1, 91.0])],
+            ),
+            (
+                "/edit/light/own/lamp_texel_mm",
+                "light own lamp_texel_mm",
+                [json!([0.01, 100.0]), json!([0.009, 100.1])],
+            ),
             ("/edit/light/own/slice_grid", "light own slice_grid", [json!([1, 13]), json!([0, 14])]),
             ("/edit/light/own/slice_mm", "light own slice_mm", [json!([0.01, 100.0]), json!([0.009, 100.1])]),
             ("/edit/light/own/reference_mm", "light own reference_mm", mm.clone()),

@@ -5,7 +5,7 @@ use egui::{
     containers::menu::{MenuConfig, SubMenuButton},
 };
 use glioscope_core::{files::format::volume_names, optics::Projection};
-use glioscope_render::{LightSettings, light};
+use glioscope_render::{Lamp, LampFrame, LightSettings, light};
 
 use super::{
     about,
@@ -209,16 +209,37 @@ impl Bar<'_> {
         let choice = &doc.edit.light;
         ui.separator();
         let row = light::row(choice.mode);
+        ui.add(egui::Label::new(egui::RichText::new(row.advice).small()).wrap())
+            .on_hover_text("What the study in the thesis found (chapter 6)");
         let mut degrees = choice.aperture_deg;
         let slider = Slider::new(&mut degrees, 0.0..=85.0).suffix("°").fixed_decimals(0).text("Aperture");
         let response = ui.add_enabled(row.has_aperture, slider);
         if response.on_hover_text("Wide: soft, subtle shadows. Narrow: hard ones").changed() {
             out.push(EditCommand::SetAperture(degrees));
         }
+        if let Some(lamp) = lamp(ui, row.has_lamp, choice.lamp) {
+            out.push(EditCommand::SetLamp(lamp));
+        }
         if let Some(shading) = shading(ui, choice) {
             out.push(EditCommand::SetShading(shading));
         }
     }
+}
+
+/// Where the lamp stands. Returns it if it was changed.
+fn lamp(ui: &mut Ui, enabled: bool, lamp: Lamp) -> Option<Lamp> {
+    let mut new = lamp;
+    let azimuth = Slider::new(&mut new.azimuth_deg, -180.0..=180.0).suffix("°").fixed_decimals(0);
+    slider(ui, enabled, azimuth.text("Lamp to the right"), "0° is at the eye, 180° behind the scene");
+    let elevation = Slider::new(&mut new.elevation_deg, -90.0..=90.0).suffix("°").fixed_decimals(0);
+    slider(ui, enabled, elevation.text("Lamp upwards"), "90° is above");
+    let mut stays = new.frame == LampFrame::Patient;
+    ui.add_enabled(enabled, egui::Checkbox::new(&mut stays, "Lamp stays with the patient")).on_hover_text(
+        "Shadows stay where they are when the camera turns; angles count from in front of the face to the patient's left. \
+         Otherwise the lamp goes with the viewer",
+    );
+    new.frame = if stays { LampFrame::Patient } else { LampFrame::Viewer };
+    (new != lamp).then_some(new)
 }
 
 /// Sliders of the shading that every preset of a lighting mode has. Returns it if it was changed.

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use glam::{DVec2, DVec3};
 use glioscope_core::optics::{
+    Ray,
     medium::Medium,
     monte_carlo::{Estimate, Phase, radiance},
     random::Random,
@@ -72,14 +73,19 @@ impl DrawnFrame {
 }
 
 /// A random but reproducible sample of pixels, with their Monte Carlo estimates.
-struct Truth {
-    pixels: Vec<([u32; 2], Estimate)>,
-    samples: u32,
+pub(super) struct Truth {
+    pub pixels: Vec<([u32; 2], Estimate)>,
     standard_error: f64,
 }
 
 impl Truth {
-    fn of(scene: &ContextScene, size: [u32; 2], count: usize, samples: u32) -> Outcome<Self> {
+    /// `estimate` gives the radiance of a ray through the image, which has this number.
+    pub fn of(
+        scene: &ContextScene,
+        size: [u32; 2],
+        count: usize,
+        estimate: impl Fn(&dyn Medium, &Ray, u64) -> Estimate + Sync,
+    ) -> Outcome<Self> {
         let medium = scene.medium().ok_or("the image can't be converted to a medium")?;
         let size_px = DVec2::new(f64::from(size[0]), f64::from(size[1]));
         let ray_of =
@@ -96,15 +102,11 @@ impl Truth {
                 break;
             }
         }
-        let phase = Phase::Cone { aperture_deg: LightSettings::DEFAULT.aperture_deg };
-        let estimate = |(i, pixel)| {
-            let mut random = Random::new(5, i as u64);
-            (pixel, radiance(&medium, &ray_of(pixel), phase, DVec3::ZERO, samples, &mut random))
-        };
-        let pixels: Vec<([u32; 2], Estimate)> = sampled.into_par_iter().enumerate().map(estimate).collect();
+        let of_pixel = |(i, pixel): (usize, [u32; 2])| (pixel, estimate(&medium, &ray_of(pixel), i as u64));
+        let pixels: Vec<([u32; 2], Estimate)> = sampled.into_par_iter().enumerate().map(of_pixel).collect();
         let errors = pixels.iter().flat_map(|(_, e)| e.standard_error.to_array());
         let standard_error = Errors::of(errors).rms();
-        Ok(Self { pixels, samples, standard_error })
+        Ok(Self { pixels, standard_error })
     }
 }
 
@@ -121,7 +123,10 @@ fn off_path(mode: LightingMode, effort: Effort) -> Vec<(String, Quality)> {
     for &scale in effort.of(&[][..], &[], &[0.4, 1.0]) {
         let base = Quality { resolution_scale: scale, ..balanced };
         match mode {
-            LightingMode::ScreenSpace | LightingMode::Horizon | LightingMode::Traced => {}
+            LightingMode::ScreenSpace
+            | LightingMode::Horizon
+            | LightingMode::Traced
+            | LightingMode::HalfAngle => {}
             LightingMode::Slices => {
                 for mm in [4.0, 2.0, 1.4, 1.0, 0.7, 0.5] {
                     add(base, format!("pixels {scale}, {mm} mm"), &|l| l.slice_mm = mm);
@@ -142,7 +147,10 @@ fn off_path(mode: LightingMode, effort: Effort) -> Vec<(String, Quality)> {
         let (base, name) = (light::preset(mode, preset), preset.name());
         let is_draft = preset == Preset::Draft;
         match mode {
-            LightingMode::ScreenSpace | LightingMode::Horizon | LightingMode::Traced => {}
+            LightingMode::ScreenSpace
+            | LightingMode::Horizon
+            | LightingMode::Traced
+            | LightingMode::HalfAngle => {}
             LightingMode::Slices => {
                 for grid in [3, 5] {
                     add(base, format!("{name}, footprint {grid}x{grid}"), &|l| l.slice_grid = grid);
@@ -170,18 +178,19 @@ fn off_path(mode: LightingMode, effort: Effort) -> Vec<(String, Quality)> {
     out
 }
 
-/// The preset that equals `quality` in a scene without opaque geometry: cost and vicinity samples are ignored.
-fn preset_of(quality: &Quality) -> Option<Preset> {
+/// The preset that equals `quality` in a scene without opaque geometry: cost, vicinity samples and lamp are ignored.
+pub(super) fn preset_of(quality: &Quality) -> Option<Preset> {
     let is_same = |preset: &Preset| {
         let mut same = Quality { cost: quality.cost, ..light::preset(quality.lighting.mode, *preset) };
         same.lighting.vicinity_samples = quality.lighting.vicinity_samples;
+        same.lighting.lamp = quality.lighting.lamp;
         same == *quality
     };
     Preset::VARIANTS.iter().copied().find(is_same)
 }
 
 /// Settings by name, with the knob's value.
-type Settings = Vec<(String, (f64, Quality))>;
+pub(super) type Settings = Vec<(String, (f64, Quality))>;
 
 /// Settings to measure, by kernel and knob.
 fn settings(effort: Effort) -> Vec<(String, &'static str, Settings)> {
@@ -247,7 +256,10 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
     let mut out = Vec::new();
     for (name, scene) in &scenes_by_name {
         bench.begin("light: Monte Carlo", name);
-        let truth = Truth::of(scene, size, count, samples)?;
+        let phase = Phase::Cone { aperture_deg: LightSettings::DEFAULT.aperture_deg };
+        let truth = Truth::of(scene, size, count, |medium, ray, number| {
+            radiance(medium, ray, phase, DVec3::ZERO, samples, &mut Random::new(5, number))
+        })?;
         for (kernel, knob, settings) in settings(bench.effort) {
             let points = measure_points(bench, &kernel, &settings, scene, size, &truth)?;
             out.push(Curve {
@@ -263,7 +275,7 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
                 truth: format!(
                     "Monte Carlo, cone of {} degrees, {} samples per pixel",
                     LightSettings::DEFAULT.aperture_deg,
-                    truth.samples
+                    samples
                 ),
                 truth_error: Some(truth.standard_error),
                 unit: "linear radiance, 0 to 1",
@@ -275,7 +287,7 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
     Ok(out)
 }
 
-fn measure_points(
+pub(super) fn measure_points(
     bench: &Bench<'_>,
     kernel: &str,
     settings: &Settings,

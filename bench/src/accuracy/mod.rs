@@ -10,6 +10,7 @@ mod context;
 mod ellipsoids;
 mod errors;
 mod front;
+mod lamp;
 mod light;
 mod masks;
 mod report;
@@ -34,11 +35,12 @@ pub use self::skeleton::angle_deg;
 use crate::{Outcome, clock::Timing, open_gpu, print_line};
 
 /// All families, in the order of the page.
-const FAMILIES: [&Family; 7] = [
+const FAMILIES: [&Family; 8] = [
     &context::FAMILY,
     &ambient::FAMILY,
     &masks::FAMILY,
     &light::FAMILY,
+    &lamp::FAMILY,
     &ellipsoids::FAMILY,
     &skeleton::FAMILY,
     &resampling::FAMILY,

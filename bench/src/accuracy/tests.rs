@@ -168,6 +168,16 @@ fn costlier_lighting_is_more_accurate() {
     assert_eq!(defaults(&curves), [0, 1]);
 }
 
+/// So it does in the light of a lamp.
+#[test]
+fn costlier_lamplight_is_more_accurate() {
+    let MeasuredFamily { curves, .. } = measure_tiny("lamp");
+    assert_eq!(curves.len(), 1);
+    assert_error_falls(&curves[0], 0.5);
+    // The reference is among the tiny settings.
+    assert_eq!(defaults(&curves), [1]);
+}
+
 /// No volume exceeds the minimum by more than the tolerance.
 #[test]
 fn ellipsoid_tolerances_are_met() {

@@ -94,7 +94,8 @@ pub(crate) struct LitScene<'a> {
 pub struct LightWork {
     /// Slices, empty ones included; 0 with cones.
     pub slices: u32,
-    /// Slices: pixels processed over all slices. Cones: sub-cones over all cells of the image's light grid.
+    /// Slices: pixels processed over all slices, with half-angle slicing texels of light, too. Cones: sub-cones over all
+    /// cells of the image's light grid.
     pub samples: u64,
     /// Lower bound of the bytes moved. Slices: lights read and written, ray intervals and depths, without the image,
     /// the eye buffer and the notes. Cones: image, prefiltered extinction and cells once.
@@ -183,10 +184,14 @@ pub struct LightRow {
     pub title: &'static str,
     /// One-line description, for tooltips.
     pub summary: &'static str,
+    /// What the thesis' study (chapter 6) recommends it for, or found.
+    pub advice: &'static str,
     /// Whether a frame of a scene at rest may take long; the window then draws it in parts.
     pub takes_long: bool,
     /// Whether [`crate::scene::LightSettings::aperture_deg`] has an effect.
     pub has_aperture: bool,
+    /// Whether [`crate::scene::LightSettings::lamp`] has an effect.
+    pub has_lamp: bool,
     /// Whether the closeup's smooth surface can be lit: a mode that reads the voxels would show them on it.
     pub lights_smooth: bool,
     /// Whether light past masks is traced through them, so that layers of light count tubes and arrows alone.
@@ -217,6 +222,10 @@ pub struct LightRow {
     pub(crate) suite: Suite,
     pub(crate) start: fn(&Gpu) -> Box<dyn Light>,
 }
+
+/// Advice on directional occlusion.
+pub(crate) const DEPTH_ORDER_AND_SIZE: &str =
+    "Recommended for depth order and size, with all kinds of images";
 
 /// Why light passes are omitted at occlusion strength 0.
 pub(crate) fn no_strength(quality: &Quality) -> Option<&'static str> {

@@ -3,6 +3,7 @@
 
 mod budget;
 pub(crate) mod cones;
+pub(crate) mod half_angle;
 pub(crate) mod horizon;
 pub(crate) mod kernel;
 pub(crate) mod layers;
@@ -27,7 +28,7 @@ use lit::{Light, LitKind, LitMarch, LitScene, Measured};
 
 /// One row per [`LightingMode`], in its order, which is also the order of menus.
 pub const LIGHTS: [LightRow; LightingMode::VARIANTS.len()] =
-    [screen::ROW, horizon::ROW, traced::ROW, slices::ROW, cones::ROW];
+    [screen::ROW, horizon::ROW, traced::ROW, slices::ROW, cones::ROW, half_angle::ROW];
 
 const _: () = {
     let mut at = 0;

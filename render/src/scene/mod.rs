@@ -17,7 +17,9 @@ pub use lens::Lens;
 pub use palette::{Coloring, MaskColors, Palette, Rgb, agreement_color};
 pub use plan::Plan;
 pub use plane::SlicePlane;
-pub use quality::{LightSettings, LightingMode, MutualOcclusion, Preset, Quality, SliceVariant};
+pub use quality::{
+    Lamp, LampFrame, LightSettings, LightingMode, MutualOcclusion, Preset, Quality, SliceVariant,
+};
 pub use regions::RegionScene;
 
 /// Whether both are the same object or both absent: a comparison of scenes without cost.

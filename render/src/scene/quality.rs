@@ -1,5 +1,7 @@
 //! Quality settings of a frame, and named presets of them. [`crate::light`] defines the settings of each preset.
 
+use glam::DVec3;
+use glioscope_core::optics::Camera;
 use serde::{Deserialize, Serialize};
 
 use super::keywords::keywords;
@@ -38,6 +40,8 @@ keywords! {
         Slices,
         /// Cones traced through the image and the masks.
         Cones,
+        /// Hard shadows of one placed lamp, by half-angle slicing.
+        HalfAngle,
     }
 }
 
@@ -63,6 +67,57 @@ keywords! {
         /// The paper's Algorithm 2: footprint d·tan θ, each sample attenuated over its own distance.
         #[strum(serialize = "paper-exact")]
         PaperExact,
+    }
+}
+
+keywords! {
+    /// What a placed lamp stands still to.
+    #[derive(Default)]
+    pub enum LampFrame {
+        /// The viewer: the lamp goes with the camera.
+        #[default]
+        Viewer,
+        /// The patient: shadows stay where they are when the camera turns.
+        Patient,
+    }
+}
+
+/// Where a lamp far away stands.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Lamp {
+    /// What it stands still to.
+    pub frame: LampFrame,
+    /// To the viewer's right, degrees: 0 is at the eye, 90 at the right, 180 behind the scene. In the patient's frame 0 is in
+    /// front of the face, 90 at the patient's left.
+    pub azimuth_deg: f64,
+    /// Upwards, degrees: -90 to 90. In the patient's frame 90 is above the head.
+    pub elevation_deg: f64,
+}
+
+impl Lamp {
+    /// At the upper left, where medical illustrators place it.
+    pub const DEFAULT: Self = Self { frame: LampFrame::Viewer, azimuth_deg: -45.0, elevation_deg: 45.0 };
+
+    /// Direction towards it, unit length, world. Angles that aren't finite count as 0.
+    pub fn direction(&self, camera: &Camera) -> DVec3 {
+        let finite = |deg: f64| if deg.is_finite() { deg } else { 0.0 };
+        let (azimuth, elevation) = (finite(self.azimuth_deg), finite(self.elevation_deg).clamp(-90.0, 90.0));
+        // As seen by a viewer in front of the lamp's azimuth 0.
+        let from_above = Camera::orientation(azimuth, elevation) * DVec3::Z;
+        match self.frame {
+            LampFrame::Patient => from_above,
+            LampFrame::Viewer => {
+                let [right, up, back] = camera.axes();
+                // A viewer in front of the face has the patient's left at the right.
+                back * from_above.y - right * from_above.x + up * from_above.z
+            }
+        }
+    }
+}
+
+impl Default for Lamp {
+    fn default() -> Self {
+        Self::DEFAULT
     }
 }
 
@@ -104,7 +159,7 @@ pub struct LightSettings {
     pub variant: SliceVariant,
     /// Slices: samples along a side of the footprint, 1 to 13.
     pub slice_grid: u32,
-    /// Slices: distance between slices.
+    /// Slices, and half-angle slicing: distance between slices.
     pub slice_mm: f64,
     /// Mended slices: distance of an occluder whose penumbra is exactly the cone's.
     pub reference_mm: f64,
@@ -124,6 +179,12 @@ pub struct LightSettings {
     /// footprint's samples are apart; 1 to 4.
     #[serde(default = "default_layer_cell")]
     pub layer_cell: f64,
+    /// Half-angle slicing: where the light stands.
+    #[serde(default)]
+    pub lamp: Lamp,
+    /// Half-angle slicing: side of a texel of the light's buffer; above 0.
+    #[serde(default = "default_lamp_texel_mm")]
+    pub lamp_texel_mm: f64,
     /// What occludes what.
     pub mutual: MutualOcclusion,
 }
@@ -131,6 +192,10 @@ pub struct LightSettings {
 /// Of sessions from before the setting was there.
 fn default_layer_cell() -> f64 {
     LightSettings::DEFAULT.layer_cell
+}
+
+fn default_lamp_texel_mm() -> f64 {
+    LightSettings::DEFAULT.lamp_texel_mm
 }
 
 impl LightSettings {
@@ -154,6 +219,8 @@ impl LightSettings {
         vicinity_samples: 64,
         vicinity_mm: 3.0,
         layer_cell: 1.5,
+        lamp: Lamp::DEFAULT,
+        lamp_texel_mm: 1.0,
         mutual: MutualOcclusion::ALL,
     };
 }
@@ -230,5 +297,35 @@ impl Quality {
 impl Default for Quality {
     fn default() -> Self {
         Self::FULL
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glioscope_core::optics::{AnatomicalView, Projection};
+    use strum::VariantArray;
+
+    use super::*;
+
+    #[test]
+    fn lamps_stand_where_their_angles_say() {
+        let right = AnatomicalView::Right.azimuth_elevation_deg();
+        let camera =
+            Camera::fit(DVec3::ZERO, 10.0, Camera::orientation(right.0, right.1), Projection::Perspective);
+        // A viewer at the patient's right looks along -x and has the patient's front at the right.
+        for (azimuth_deg, elevation_deg, of_viewer, of_patient) in [
+            (0.0, 0.0, DVec3::X, DVec3::Y),
+            (90.0, 0.0, DVec3::Y, -DVec3::X),
+            (-90.0, 0.0, -DVec3::Y, DVec3::X),
+            (180.0, 0.0, -DVec3::X, -DVec3::Y),
+            (33.0, 90.0, DVec3::Z, DVec3::Z),
+            (f64::NAN, f64::NAN, DVec3::X, DVec3::Y),
+            (0.0, 1e9, DVec3::Z, DVec3::Z),
+        ] {
+            for (frame, expected) in LampFrame::VARIANTS.iter().zip([of_viewer, of_patient]) {
+                let found = Lamp { frame: *frame, azimuth_deg, elevation_deg }.direction(&camera);
+                assert!(found.distance(expected) < 1e-9, "{frame:?} {azimuth_deg} {elevation_deg}: {found}");
+            }
+        }
     }
 }

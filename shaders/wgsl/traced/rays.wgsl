@@ -8,6 +8,7 @@
 #include lib/normal
 #include lib/shown
 #include lib/around
+#include lib/lens_end
 #include lib/linear
 
 struct Rays {
@@ -39,15 +40,6 @@ const AVERAGED = 12.0;
 // Point `k` of the sequence: 32-bit fractions, exact.
 fn point(k: u32) -> vec2<f32> {
     return vec2<f32>((vec2<u32>(k) * vec2<u32>(3242174889u, 2447445414u) + 0x80000000u) >> vec2<u32>(8u)) / 16777216.0;
-}
-
-// Depth where a ray from `c` leaves the lens, if that cuts; 0 where `c` is outside.
-fn leaves_lens(c: vec3<f32>, w: vec3<f32>) -> f32 {
-    let off = c - view.lens.xyz;
-    let b = dot(off, w);
-    let inside = view.lens.w * view.lens.w - dot(off, off);
-    let cut = (flags() & (LENS_ON | LENS_ONLY_DRAWN)) == LENS_ON;
-    return select(FAR, select(0.0, sqrt(b * b + max(inside, 0.0)) - b, inside > 0.0), cut);
 }
 
 // The first shown voxel along a ray before `far`; x is below the margin if there is none. The smooth surface lies within

@@ -60,6 +60,32 @@ fn directional_occlusion_differs_from_the_headlight() {
     }
 }
 
+/// Mean brightness of the left and of the right half of the middle.
+fn halves(picture: &RgbaImage) -> [f64; 2] {
+    [64, 128].map(|x| {
+        let half = image::imageops::crop_imm(picture, x, 56, 64, 128).to_image();
+        let sum: f64 = half.pixels().map(|p| p.0[..3].iter().map(|c| f64::from(*c)).sum::<f64>() / 3.0).sum();
+        sum / (64.0 * 128.0)
+    })
+}
+
+/// A lamp lights the side that it stands at; from in front, one that stays with the patient is one that goes with the viewer.
+#[test]
+fn a_placed_lamp_lights_its_side() {
+    let lit = |place: &str, frame: &str| {
+        let lamp = ["--light", "half-angle", "--quality", "balanced", "--lamp", place, "--lamp-frame", frame];
+        picture(&[&["--sample", "--view", "context", "--camera", "0,0"][..], &lamp].concat())
+    };
+    let [left, right] = ["-60,20", "60,20"].map(|place| lit(place, "viewer"));
+    golden("figure_half_angle", &left);
+    let [left_halves, right_halves] = [&left, &right].map(halves);
+    assert!(left_halves[0] > left_halves[1] + 10.0, "{left_halves:?}");
+    assert!(right_halves[1] > right_halves[0] + 10.0, "{right_halves:?}");
+    let of_patient = lit("-60,20", "patient");
+    let off = left.as_raw().iter().zip(of_patient.as_raw()).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
+    assert!(off <= 1, "{off}");
+}
+
 /// A clipping plane that removes tissue lets light reach what the tissue occluded.
 #[test]
 fn a_clipping_plane_changes_the_occlusion() {

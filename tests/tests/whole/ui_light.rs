@@ -12,7 +12,7 @@ use glioscope::{
     window::GlioscopeApp,
 };
 use glioscope_core::optics::Camera;
-use glioscope_render::{LightingMode, Preset, Quality, light as lights};
+use glioscope_render::{Lamp, LampFrame, LightingMode, Preset, Quality, light as lights};
 use glioscope_tests::{
     MASK_COLORS, Window, count_color, drafting_window_on, issue, maximized, pane_picture, perform, window_on,
 };
@@ -56,6 +56,52 @@ fn the_lighting_mode_is_chosen_in_the_menu_undone_and_saved() {
     perform(&mut harness, EditCommand::Undo);
     perform(&mut harness, EditCommand::Undo);
     assert_eq!(light(&harness), LightChoice::default());
+}
+
+#[test]
+fn the_lamp_is_placed_in_the_menu_undone_and_saved() {
+    let mut harness = window_on(CaseRef::Sample, [1000.0, 800.0], Theme::Light);
+    harness.get_by_label("View").click();
+    harness.run_ok();
+    harness.get_by_label_contains("Light and quality").click();
+    harness.run_ok();
+    // The advice is that of the lighting mode chosen.
+    assert!(harness.query_by_label_contains("Liked best").is_some());
+    let lamp = Command::from(EditCommand::SetLightingMode(LightingMode::HalfAngle)).text();
+    harness.get_by_label(&lamp).click();
+    harness.run_ok();
+    harness.get_by_label("View").click();
+    harness.run_ok();
+    harness.get_by_label_contains("Light and quality").click();
+    harness.run_ok();
+    assert!(harness.query_by_label_contains("absolute depth").is_some());
+    for label in ["Lamp to the right", "Lamp upwards"] {
+        harness.get_by_role_and_label(Role::Slider, label).focus();
+        harness.run_ok();
+        harness.key_press(Key::ArrowRight);
+        harness.run_ok();
+    }
+    harness.get_by_label("Lamp stays with the patient").click();
+    harness.run_ok();
+    let placed = light(&harness).lamp;
+    assert_eq!(placed.frame, LampFrame::Patient);
+    assert!(placed.azimuth_deg > Lamp::DEFAULT.azimuth_deg, "{placed:?}");
+    assert!(placed.elevation_deg > Lamp::DEFAULT.elevation_deg, "{placed:?}");
+    let quality = light(&harness).at_rest();
+    assert_eq!((quality.lighting.mode, quality.lighting.lamp), (LightingMode::HalfAngle, placed));
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("s.glioscope.json");
+    perform(&mut harness, AppCommand::SaveSessionTo(path.clone()));
+    assert_eq!(session::load(&path).unwrap().document.edit.light.lamp, placed);
+    // Sessions from before there was a lamp have it where it stands first.
+    let mut json: serde_json::Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+    let light_json = json.pointer_mut("/document/edit/light").unwrap().as_object_mut().unwrap();
+    assert!(light_json.remove("lamp").is_some());
+    let old = folder.path().join("old.glioscope.json");
+    std::fs::write(&old, serde_json::to_vec(&json).unwrap()).unwrap();
+    assert_eq!(session::load(&old).unwrap().document.edit.light.lamp, Lamp::DEFAULT);
+    perform(&mut harness, EditCommand::Undo);
+    assert_eq!(light(&harness).lamp, Lamp::DEFAULT);
 }
 
 #[test]

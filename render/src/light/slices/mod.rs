@@ -10,7 +10,7 @@ pub(crate) mod medium_twin;
 pub(crate) mod plan;
 #[cfg(test)]
 mod plan_tests;
-mod reach;
+pub(crate) mod reach;
 #[cfg(test)]
 mod reach_tests;
 #[cfg(test)]
@@ -51,8 +51,10 @@ pub(super) const ROW: LightRow = LightRow {
     mode: LightingMode::Slices,
     title: "Directional occlusion (slices)",
     summary: "Soft shadows of tissue on tissue and on the tumour; light comes from the eye",
+    advice: super::lit::DEPTH_ORDER_AND_SIZE,
     takes_long: true,
     has_aperture: true,
+    has_lamp: false,
     traces_masks: false,
     lights_smooth: true,
     most_cost: MOST_COST,

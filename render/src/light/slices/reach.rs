@@ -31,7 +31,7 @@ impl Rect {
         (0..2).any(|a| self.low[a] >= self.high[a])
     }
 
-    fn union(self, other: Self) -> Self {
+    pub fn union(self, other: Self) -> Self {
         let axis = |a: usize| (self.low[a].min(other.low[a]), self.high[a].max(other.high[a]));
         let [x, y] = [axis(0), axis(1)];
         Self { low: [x.0, y.0], high: [x.1, y.1] }
@@ -72,7 +72,7 @@ impl Rect {
     }
 
     /// Workgroups across and down.
-    fn workgroups(&self) -> [u32; 2] {
+    pub fn workgroups(&self) -> [u32; 2] {
         if self.is_empty() { [0; 2] } else { [0, 1].map(|a| ((self.high[a] - self.low[a]) / SIDE) as u32) }
     }
 
@@ -152,6 +152,15 @@ impl ScreenBounds {
 
     /// Bounds of these bricks of an image, in their order, without those behind the eye.
     pub fn of_bricks(sight: &Sight, world_from_voxel: &DAffine3, bricks: &[[usize; 3]]) -> Vec<Self> {
+        Self::of_each_brick(sight, world_from_voxel, bricks).into_iter().flatten().collect()
+    }
+
+    /// Bounds of each of these bricks of an image; `None` for those behind the eye.
+    pub fn of_each_brick(
+        sight: &Sight,
+        world_from_voxel: &DAffine3,
+        bricks: &[[usize; 3]],
+    ) -> Vec<Option<Self>> {
         // Up to the division by depth, a corner's place is a sum of one term per axis.
         let first = Offset::of(sight, world_from_voxel.translation - sight.eye_mm).0;
         let terms: [Vec<[DVec3; 2]>; 3] = std::array::from_fn(|a| {
@@ -164,7 +173,7 @@ impl ScreenBounds {
             let corner = |n: usize| Offset(first + x[n & 1] + y[n >> 1 & 1] + z[n >> 2]);
             Self::of_corners(sight, (0..8).map(corner))
         };
-        bricks.par_iter().with_min_len(512).filter_map(bounds).collect()
+        bricks.par_iter().with_min_len(512).map(bounds).collect()
     }
 }
 

@@ -449,6 +449,7 @@ fn every_setting_in_every_lighting_mode() {
             let expected = match mode.0 {
                 LightingMode::Slices => by_slices,
                 LightingMode::Cones => by_cones,
+                LightingMode::HalfAngle if by_slices.starts_with("slice distance") => by_slices,
                 _ => "",
             };
             let used: Vec<&String> = rendered.frame_notes.iter().filter(|s| s.contains("used")).collect();

@@ -77,7 +77,6 @@ fn a_placed_lamp_lights_its_side() {
         picture(&[&["--sample", "--view", "context", "--camera", "0,0"][..], &lamp].concat())
     };
     let [left, right] = ["-60,20", "60,20"].map(|place| lit(place, "viewer"));
-    golden("figure_half_angle", &left);
     let [left_halves, right_halves] = [&left, &right].map(halves);
     assert!(left_halves[0] > left_halves[1] + 10.0, "{left_halves:?}");
     assert!(right_halves[1] > right_halves[0] + 10.0, "{right_halves:?}");

@@ -95,14 +95,16 @@ fn thinner_slabs_converge_to_the_exact_integral() {
 }
 
 /// A lamp that turns about the scene, past 90 degrees from the line of sight, where the half vector jumps: no frame differs
-/// there from the one before it by more than frames do elsewhere.
+/// there from the one before it by more than frames do elsewhere (with thick slabs, by much more).
 #[test]
 fn a_turning_lamp_does_not_pop_at_right_angles() {
     let size = [48, 44];
     let scene = scene(false, false, Projection::Perspective);
     let step_deg = 0.5;
     let mut renderer = ContextRenderer::new(&GPU).unwrap();
-    for mm in [1.0, 3.0] {
+    // Balanced has slabs of 1 mm, the reference thinner ones; 3 mm is for moving views on slow machines, where both cases differ
+    // by 35 times what frames do.
+    for (mm, times) in [(1.0, 1.0), (3.0, 1.25)] {
         let frames: Vec<(f64, Vec<[f64; 4]>)> = (0..=360)
             .map(|n| step_deg * f64::from(n))
             .map(|deg| (deg, drawn(&mut renderer, &scene, &lit(lamp(deg, 0.0), mm, mm), size)))
@@ -131,7 +133,7 @@ fn a_turning_lamp_does_not_pop_at_right_angles() {
             most(true),
             most(false)
         );
-        assert!(most(true) <= most(false), "{mm}");
+        assert!(most(true) <= times * most(false) && jump > 2.0 * most(false), "{mm}");
     }
 }
 

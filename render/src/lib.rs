@@ -23,8 +23,8 @@ pub use image::{
     Shape as TransferShape, TransferFunction, TransferPreset, ValueHistogram,
 };
 pub use scene::{
-    ColorMap, Coloring, Lamp, LampFrame, Lens, LightSettings, LightingMode, MaskColors, MutualOcclusion, Palette, Plan,
-    Preset, Quality, RegionScene, Rgb, SlicePlane, SliceVariant, agreement_color,
+    ColorMap, Coloring, Lamp, LampFrame, Lens, LightSettings, LightingMode, MaskColors, MutualOcclusion,
+    Palette, Plan, Preset, Quality, RegionScene, Rgb, SlicePlane, SliceVariant, agreement_color,
 };
 pub use solid::tubes::{DrawnTubes, TubeLook, TubeSet, TubeShape, TubeValues, tract_color};
 pub use views::{

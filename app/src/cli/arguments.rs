@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 use glam::DVec3;
 use glioscope_render::{
-    ChangeStyle, ClipPlane, ColorMap, LampFrame, LightSettings, LightingMode, MutualOcclusion, Palette, Preset,
-    SliceVariant,
+    ChangeStyle, ClipPlane, ColorMap, LampFrame, LightSettings, LightingMode, MutualOcclusion, Palette,
+    Preset, SliceVariant,
     flat::{Mixing, Overlay},
 };
 

@@ -637,20 +637,18 @@ impl GlioscopeApp {
             return std::path::absolute(&guess.proposal.folder).ok();
         }
         let last = self.preferences.get().folder.clone().filter(|folder| folder.is_dir());
+        let is_read_again = !matches!(
+            purpose,
+            Purpose::Report(_) | Purpose::Measurements(_) | Purpose::Rulers(_) | Purpose::Picture(_)
+        );
         let case = self.work.doc.as_ref().and_then(|doc| match &doc.case {
+            // Masks beside a folder's own would be read with it the next time, and a session is of all of it.
+            CaseRef::Path(path) if !is_read_again && path.is_dir() => Some(path.clone()),
             CaseRef::Path(path) => path.parent().map(Path::to_owned),
             CaseRef::Files { folder, .. } => Some(folder.clone()),
             CaseRef::Sample | CaseRef::Arguments { .. } => None,
         });
-        let is_of_case = matches!(
-            purpose,
-            Purpose::SaveSession
-                | Purpose::Report(_)
-                | Purpose::Measurements(_)
-                | Purpose::Masks(_)
-                | Purpose::Rulers(_)
-                | Purpose::Picture(_)
-        );
+        let is_of_case = !is_read_again || matches!(purpose, Purpose::SaveSession | Purpose::Masks(_));
         let written = self.written_to.as_ref().filter(|(of, _)| is_of_case && *of == self.work.installed);
         let written = written.map(|(_, folder)| folder.clone()).filter(|folder| folder.is_dir());
         let own = case.clone().filter(|folder| is_of_case && folder.is_dir());

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use egui::Key;
-use egui_kittest::kittest::Queryable;
+use egui_kittest::kittest::{NodeT, Queryable};
 use glioscope::{
     command::{AppCommand, EditCommand},
     model::{CaseRef, PaneId, layout::Task, session},
@@ -55,7 +55,11 @@ fn a_reader_states_what_is_asked_and_gets_a_call_with_its_reasons() {
     wait_for_workers(&mut harness);
     // 9 against 6 mm: the product rises by more than 25 %.
     assert!(harness.query_all_by_label_contains("PD").count() >= 1, "progression");
+    // The sources are a tip of each reason, and stand with the rules.
+    let rules = "Rules of RANO 2010, with their sources";
+    click(&mut harness, rules);
     assert!(harness.query_all_by_label_contains("secondary: reviews").count() >= 1, "with its source");
+    click(&mut harness, rules);
     let fact = doc(&harness).edit.response.history.clone().unwrap().baseline.unwrap();
     assert_eq!((fact.value.0.as_str(), fact.author.as_deref()), ("2024-01-01", Some("A. B.")));
     assert!(fact.entered.is_some(), "and when");
@@ -142,7 +146,7 @@ fn questions_stay_where_they_are_while_they_are_answered() {
     harness.run_ok();
     let conclusion = doc(&harness).edit.reading.conclusion.clone();
     assert!(conclusion.starts_with("2024-06-01, RANO 2010: PD"), "{conclusion}");
-    harness.get_by_label("Take over the calls").click();
+    harness.get_by_label("Replace the calls").click();
     harness.run_ok();
     assert_eq!(doc(&harness).edit.reading.conclusion, conclusion, "once");
 }
@@ -197,10 +201,15 @@ fn new_lesions_of_the_masks_are_asked_about_and_stand_in_the_conclusion() {
     assert_eq!(reading.reader, "A. B.");
     assert_eq!(reading.day.len(), 10, "{}", reading.day);
     // Whether the reader will be named is said, not in a tip alone.
-    assert!(harness.query_by_label_contains("Not printed, as the patient isn't named").is_some());
+    let printed = |harness: &Window| harness.get_by_label("printed, with the day").accesskit_node().toggled();
+    assert_eq!(printed(&harness), Some(egui::accesskit::Toggled::True));
+    harness.get_by_label("printed, with the day").click();
+    harness.run_ok();
+    assert_eq!(printed(&harness), Some(egui::accesskit::Toggled::False));
+    // Whoever names the patient in full names the reader.
     harness.get_by_label_contains("In full, with file names").click();
     harness.run_ok();
-    assert!(harness.query_by_label("Printed with the day").is_some());
+    assert_eq!(printed(&harness), Some(egui::accesskit::Toggled::True));
     click(&mut harness, "Cancel");
     // Who states that there are none isn't contradicted by the conclusion.
     perform(&mut harness, EditCommand::SetReading(Box::default()));

@@ -226,6 +226,7 @@ fn turned_mm(input: &Input<'_>, layout: &Layout, along: DVec3, steps: f64) -> DV
     if lo > hi { at_mm } else { at_mm + along * (steps * step_mm).clamp(lo, hi) }
 }
 
+/// Zooms about the pointer: the point under it stays fixed.
 fn zoom(ui: &Ui, input: &Input<'_>, layout: &Layout, response: &Response, out: &mut Commands) {
     let factor = f64::from(ui.input(egui::InputState::zoom_delta));
     let Some(pos) = response.hover_pos() else { return };

@@ -12,6 +12,7 @@ use glioscope::{
 use glioscope_core::{
     Progress,
     change::{self, ChangeOptions},
+    files::write_whole,
     glam::DVec3,
 };
 use glioscope_tests::{
@@ -225,7 +226,9 @@ fn a_file_of_the_next_case_is_proposed_in_its_own_folder() {
     let folder = tempfile::tempdir().unwrap();
     let case = |name: &str| {
         let own = folder.path().join(name);
-        write_cube(&own.join("T1_mask.nii"), 12, 1.0, |ijk| u8::from(ijk.iter().all(|i| (3..8).contains(i))));
+        write_cube(&own.join("T1.nii"), 12, 1.0, |ijk| u8::from(ijk.iter().all(|i| (3..8).contains(i))));
+        let manifest = "glioscope = 1\nname = \"A\"\n[[mask]]\nid = \"T1\"\nfile = \"T1.nii\"\n";
+        write_whole(&own.join("case.toml"), manifest.as_bytes()).unwrap();
         own
     };
     let [first, second] = ["first", "second"].map(case);
@@ -248,7 +251,7 @@ fn a_file_of_the_next_case_is_proposed_in_its_own_folder() {
         asked.lock().unwrap().last().cloned().flatten()
     };
     for own in [first, second] {
-        perform(&mut harness, AppCommand::Open(CaseRef::Path(own.clone())));
+        perform(&mut harness, AppCommand::Open(CaseRef::Path(own.join("case.toml"))));
         wait_for_workers(&mut harness);
         harness.state_mut().work.error = None;
         assert_eq!(proposed(&mut harness), Some(own), "{}", error_text(&harness));

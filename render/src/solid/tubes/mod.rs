@@ -157,7 +157,7 @@ impl TubeSet {
 
     /// Prepares `tracts`. Polylines are simplified: the drawn line and the file's (or the smooth curve) are nowhere
     /// further than [`TubeSet::TOLERANCE_MM`] (or `shape.smooth_mm`) apart, and colours by values nowhere further than
-    /// [`values::TOLERANCES`]. Past [`TubeSet::MOST_POINTS`] only every second, third, … fibre is drawn: see
+    /// 2 % of full (of a direction) or 1 % of the whole range (of a scalar). Past [`TubeSet::MOST_POINTS`] only every second, third, … fibre is drawn: see
     /// [`TubeSet::left_out`]. A fibre of one point is a ball, one without points nothing.
     ///
     /// # Errors

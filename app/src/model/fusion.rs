@@ -51,6 +51,11 @@ impl Default for Fusion {
     }
 }
 
+/// What an image of a date is called; `time` may be empty.
+pub fn image_name(id: &str, time: &str) -> String {
+    if time.is_empty() { id.to_owned() } else { format!("{id} \u{b7} {time}") }
+}
+
 /// Whether an image is PET, by its id.
 pub fn is_pet(id: &str) -> bool {
     id.to_lowercase().split(|c: char| !c.is_alphanumeric()).any(|word| word == "pet" || word == "pt")

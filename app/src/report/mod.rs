@@ -184,13 +184,14 @@ pub fn make(
     };
     let mut blocks = content.header();
     let contradictions = evaluated.map_or(&[][..], |evaluated| &evaluated.contradictions);
-    let now = evaluated.map(|evaluated| {
-        [Language::En, Language::De].map(|language| {
-            calls_in_words(evaluated, lesions.as_deref(), &self::words(language))
-                .map(|text| redactor.text(&text))
-        })
-    });
-    let repeats_old = doc.edit.reading.repeats_old_calls(now.as_ref().map_or(&[], |now| now.as_slice()));
+    let reading = &doc.edit.reading;
+    let in_words = |language| {
+        let calls = calls_in_words(evaluated?, lesions.as_deref(), &self::words(language))?;
+        Some(redactor.text(&calls))
+    };
+    // Sentences of a language are parsed only where some were taken over.
+    let repeats_old =
+        !reading.taken.is_empty() && reading.repeats_old_calls(&[Language::En, Language::De].map(in_words));
     let old_calls: Vec<String> = repeats_old.then(|| words.get("conclusion-old")).into_iter().collect();
     let contradictions: Vec<String> =
         contradictions.iter().map(|phrase| sentences::phrase(phrase, &words)).collect();
@@ -302,7 +303,7 @@ fn self_checked(
 ) -> Result<Option<SelfCheckReport>, AppError> {
     let setting = &doc.edit.change;
     let Some(choice) = setting.chosen(case).ok().filter(|_| setting.self_check) else { return Ok(None) };
-    let options = self_check::Options { change: setting.options(), ..self_check::Options::default() };
+    let options = self_check::Options::of(setting.options());
     match self_check::self_check(case, &self_check::Target::of(&choice), &options, progress) {
         Ok(report) => Ok(Some(report)),
         // Both dates may be empty.

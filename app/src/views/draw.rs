@@ -3,10 +3,11 @@
 use std::sync::Arc;
 
 use egui::{
-    Align2, Color32, FontId, Galley, Painter, Pos2, Rect, Ui,
+    Align2, Color32, FontId, Galley, Painter, Pos2, Rect, Ui, pos2,
     text::{LayoutJob, TextWrapping},
     vec2,
 };
+use glioscope_render::ColorMap;
 
 use crate::theme::{self, LABEL_POINTS, ON_IMAGE, PLATE, TEXT_POINTS, Tokens};
 
@@ -18,6 +19,16 @@ pub fn name_widget(ui: &Ui, response: &egui::Response, name: &str) {
 /// Draws a translucent patch of the ground's colour under text over an image.
 pub fn plate(painter: &Painter, rect: Rect, dark: bool) {
     painter.rect_filled(rect.expand2(vec2(4.0, 2.0)), 4.0, Tokens::of(dark).plate());
+}
+
+/// The colours of a map from left to right, in `steps` of at least 2.
+pub fn color_ramp(painter: &Painter, rect: Rect, map: ColorMap, steps: u8) {
+    for step in 0..steps {
+        let [from, to] =
+            [step, step + 1].map(|n| rect.left() + rect.width() * f32::from(n) / f32::from(steps));
+        let part = Rect::from_min_max(pos2(from, rect.top()), pos2(to, rect.bottom()));
+        painter.rect_filled(part, 0.0, theme::color(map.color(f64::from(step) / f64::from(steps - 1))));
+    }
 }
 
 /// Draws a message in the middle of a view that can't be drawn.

@@ -7,7 +7,7 @@ use strum::VariantArray;
 use super::label::label_for_screen_readers;
 use crate::{
     command::{Commands, EditCommand, Workstation},
-    model::{Document, Fusion, SecondImage},
+    model::{Document, Fusion, SecondImage, fusion::image_name},
 };
 
 /// The part of the toolbar; nothing where the case has one image.
@@ -18,9 +18,7 @@ pub(super) fn bar(ui: &mut Ui, work: &Workstation, doc: &Document, out: &mut Com
     let fusion = &doc.edit.fusion;
     let mut changed = fusion.clone();
     let second = work.world.second(doc);
-    let named =
-        |id: &str, time: &str| if time.is_empty() { id.to_owned() } else { format!("{id} · {time}") };
-    let shown = second.map_or_else(|| "one image".to_owned(), |second| named(second.id, second.time));
+    let shown = second.map_or_else(|| "one image".to_owned(), |second| image_name(second.id, second.time));
     let combo = ComboBox::from_id_salt("second image").selected_text(shown).width(80.0).truncate();
     let response = combo.show_ui(ui, |ui| {
         let mut choose = |ui: &mut Ui, is_chosen: bool, text: String, image: Option<SecondImage>| {
@@ -40,7 +38,7 @@ pub(super) fn bar(ui: &mut Ui, work: &Workstation, doc: &Document, out: &mut Com
                 let time = (!is_here).then(|| time_point.label.clone());
                 let chosen = SecondImage { id: image.id.clone(), time };
                 let is_chosen = second.is_some_and(|s| (s.id, s.time) == (&image.id, &time_point.label));
-                choose(ui, is_chosen, named(&image.id, &time_point.label), Some(chosen));
+                choose(ui, is_chosen, image_name(&image.id, &time_point.label), Some(chosen));
             }
         }
     });

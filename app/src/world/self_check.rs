@@ -53,8 +53,7 @@ impl SelfChecks {
 
 fn key(case: &Arc<Case>, setting: &ChangeSetting) -> Option<Key> {
     let target = Target::of(&setting.chosen(case).ok()?);
-    let options = Options { change: setting.options(), ..Options::default() };
-    Some(Key { case: Handle::of(case), target, options })
+    Some(Key { case: Handle::of(case), target, options: Options::of(setting.options()) })
 }
 
 /// A line about a check, and whether it is outside of what is good.

@@ -13,7 +13,13 @@ impl Random {
         generator
     }
 
-    fn bits(&mut self) -> u64 {
+    /// The generator in a state of the caller's own making.
+    pub(crate) fn of_state(state: u64) -> Self {
+        Self(state)
+    }
+
+    /// 64 random bits.
+    pub(crate) fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);

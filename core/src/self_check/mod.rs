@@ -112,6 +112,13 @@ impl Options {
     }
 }
 
+impl Options {
+    /// The default runs, with changes computed and called as `change` says.
+    pub fn of(change: ChangeOptions) -> Self {
+        Self { change, ..Self::default() }
+    }
+}
+
 /// The mask and the date into which changes are put.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Target {

@@ -2,31 +2,26 @@
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
-/// SplitMix64 (Steele, Lea, Flood 2014).
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Random(u64);
+use crate::optics::random;
+
+/// The numbers of a run.
+#[derive(Clone, Debug)]
+pub(super) struct Random(random::Random);
 
 impl Random {
     /// The numbers of one run of one kind.
     pub fn of(seed: u64, kind: u64, run: u64) -> Self {
-        let mut random = Self(seed);
-        for part in [kind, run] {
-            random = Self(random.next() ^ part);
-        }
-        random
+        let after = |state: u64, part: u64| random::Random::of_state(state).bits() ^ part;
+        Self(random::Random::of_state(after(after(seed, kind), run)))
     }
 
     pub fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ z >> 31
+        self.0.bits()
     }
 
     /// Uniform, 0 to 1 (excluded).
     pub fn unit(&mut self) -> f64 {
-        (self.next() >> 11) as f64 * (1.0 / (1_u64 << 53) as f64)
+        self.0.unit()
     }
 
     /// Uniform, `-most` to `most`.

@@ -40,15 +40,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let d = line[1];
     let moves = abs(d) > vec3<f32>(1e-12);
     let inv = select(vec3<f32>(0.0), 1.0 / d, moves);
-    let lower = vec3<f32>(-0.5);
-    let upper = vec3<f32>(context.dims) - 0.5;
-    let a = select(vec3<f32>(-FAR), (lower - o) * inv, moves);
-    let b = select(vec3<f32>(FAR), (upper - o) * inv, moves);
-    let enter = min(a, b);
-    let leave = max(a, b);
-    let near = max(view.nearest_mm, max(enter.x, max(enter.y, enter.z)));
-    let misses = any(!moves & ((o < lower) | (o >= upper)));
-    let far = select(min(leave.x, min(leave.y, leave.z)), near, misses);
+    let inside = image_box(o, d);
+    let near = max(view.nearest_mm, inside.x);
+    let far = inside.y;
     let step = projection.step_mm / length(vec3<f32>(p * view.mm_per_pixel_per_mm, 1.0));
     let ahead = select(vec3<u32>(0u), vec3<u32>(1u), d > vec3<f32>(0.0));
     // A guard against invalid numbers: the step is chosen so that no ray needs more.

@@ -196,27 +196,31 @@ fn image_line(p: vec2<f32>) -> array<vec3<f32>, 2> {
         context.corner + view.mm_per_pixel * aside - 0.5, context.forward + view.mm_per_pixel_per_mm * aside);
 }
 
-// The interval of a pixel's ray where the image is visible: in its box, nearer than depth `ahead`, not
-// clipped, neither inside the masks' box nor in front of it.
-fn image_ray(p: vec2<f32>, ahead: f32) -> ImageRay {
-    var near = view.nearest_mm;
-    var far = ahead;
-    let line = image_line(p);
-    let o = line[0];
-    let d = line[1];
+// The interval of a line in the image's box, `o` and `d` in voxel centres; empty where the line misses it. No branches: lines may
+// be the same for all threads.
+fn image_box(o: vec3<f32>, d: vec3<f32>) -> vec2<f32> {
     let moves = abs(d) > vec3<f32>(1e-12);
-    let inv = select(vec3<f32>(0.0), 1.0 / d, moves);
+    let inv = select(vec3<f32>(0.0), 1.0 / select(vec3<f32>(1.0), d, moves), moves);
     let lower = vec3<f32>(-0.5);
     let upper = vec3<f32>(context.dims) - 0.5;
     let a = select(vec3<f32>(-FAR), (lower - o) * inv, moves);
     let b = select(vec3<f32>(FAR), (upper - o) * inv, moves);
     let enter = min(a, b);
     let leave = max(a, b);
-    near = max(near, max(enter.x, max(enter.y, enter.z)));
-    far = min(far, min(leave.x, min(leave.y, leave.z)));
-    if any(!moves & ((o < lower) | (o >= upper))) {
-        far = near;
-    }
+    let near = max(enter.x, max(enter.y, enter.z));
+    let misses = any(!moves & ((o < lower) | (o >= upper)));
+    return vec2<f32>(near, select(min(leave.x, min(leave.y, leave.z)), near, misses));
+}
+
+// The interval of a pixel's ray where the image is visible: in its box, nearer than depth `ahead`, not
+// clipped, neither inside the masks' box nor in front of it.
+fn image_ray(p: vec2<f32>, ahead: f32) -> ImageRay {
+    let line = image_line(p);
+    let o = line[0];
+    let d = line[1];
+    let inside = image_box(o, d);
+    var near = max(view.nearest_mm, inside.x);
+    var far = min(ahead, inside.y);
 
     // Clipping planes.
     let start = vec3<f32>(p * view.mm_per_pixel, 0.0);

@@ -10,15 +10,9 @@ fn image_place(c: vec3<f32>) -> vec3<f32> {
 fn image_span(c: vec3<f32>, w: vec3<f32>) -> vec2<f32> {
     let o = image_place(c);
     let d = w.x * context.right + w.y * context.up + w.z * context.forward;
-    let lower = vec3<f32>(-0.5);
-    let upper = vec3<f32>(context.dims) - 0.5;
-    let moves = abs(d) > vec3<f32>(1e-12);
-    let safe = select(vec3<f32>(1.0), d, moves);
-    let enter = select(vec3<f32>(-FAR), min((lower - o) / safe, (upper - o) / safe), moves);
-    let leave = select(vec3<f32>(FAR), max((lower - o) / safe, (upper - o) / safe), moves);
-    let misses = any(!moves & ((o < lower) | (o >= upper)));
-    var near = max(enter.x, max(enter.y, enter.z));
-    var far = select(min(leave.x, min(leave.y, leave.z)), near, misses);
+    let inside = image_box(o, d);
+    var near = inside.x;
+    var far = inside.y;
     for (var n = 0u; n < 7u; n++) {
         // The last plane is the eye's. Unused planes cut nothing.
         let plane = select(context.clips[min(n, 5u)], vec4<f32>(0.0, 0.0, -1.0, -view.nearest_mm), n == 6u);

@@ -5,6 +5,7 @@ use glioscope_render::{flat::Mixing, views::context::ImageProjection};
 
 use crate::{
     format,
+    model::fusion::image_name,
     theme::{self, LABEL_POINTS, Tokens},
     views::{
         draw,
@@ -53,11 +54,7 @@ pub(super) fn legend(ui: &Ui, input: &Input<'_>, rect: Rect, projection: &ImageP
     let ink = Tokens::of(dark).text;
     let painter = ui.painter().with_clip_rect(rect);
     let font = theme::font(LABEL_POINTS);
-    let name = if second.time.is_empty() {
-        second.id.to_owned()
-    } else {
-        format!("{} \u{b7} {}", second.id, second.time)
-    };
+    let name = image_name(second.id, second.time);
     let above = format::four_digits(projection.threshold);
     let name = draw::elided(
         ui,
@@ -77,12 +74,7 @@ pub(super) fn legend(ui: &Ui, input: &Input<'_>, rect: Rect, projection: &ImageP
     let width = name.size().x.max(bar.width() + texts);
     draw::plate(&painter, Rect::from_min_max(pos2(left, top), pos2(left + width, bar.bottom() + 2.0)), dark);
     painter.galley(pos2(left, top), name, ink);
-    let columns = BAR_POINTS[0] as usize;
-    for column in 0..columns {
-        let share = (column as f64 + 0.5) / columns as f64;
-        let part = Rect::from_min_size(bar.min + vec2(column as f32, 0.0), vec2(1.0, BAR_POINTS[1]));
-        painter.rect_filled(part, 0.0, theme::color(projection.map.color(share)));
-    }
+    draw::color_ramp(&painter, bar, projection.map, BAR_POINTS[0] as u8);
     painter.rect_stroke(bar, 0.0, Stroke::new(1.0, theme::EDGE), StrokeKind::Outside);
     let beside = bar.right_center() + vec2(6.0, 0.0);
     let low_width = low.size().x;

@@ -85,6 +85,8 @@ const DIRECTIONS: [(Rgb, &str); 3] = [
     ([0, 255, 0], "anterior\u{2013}posterior"),
     ([0, 0, 255], "superior\u{2013}inferior"),
 ];
+/// Colours of a scale.
+const SCALE_STEPS: u8 = 30;
 /// Width of a scale's colours.
 const SCALE_POINTS: f32 = 60.0;
 
@@ -171,7 +173,8 @@ pub(super) fn list(
                 let name_at = high_at + texts[1] + 8.0;
                 draw::plate(&painter, line_rect(name_at + texts[2]), dark);
                 painter.galley(at + vec2(17.0, 0.0), low, ink);
-                ramp(&painter, Rect::from_min_size(at + vec2(ramp_at, 2.0), vec2(SCALE_POINTS, 11.0)), map);
+                let scale = Rect::from_min_size(at + vec2(ramp_at, 2.0), vec2(SCALE_POINTS, 11.0));
+                draw::color_ramp(&painter, scale, map, SCALE_STEPS);
                 painter.galley(at + vec2(high_at, 0.0), high, ink);
                 painter.galley(at + vec2(name_at, 0.0), name, ink);
             }
@@ -194,16 +197,6 @@ pub(super) fn list(
                 painter.galley(at, galley, ink);
             }
         }
-    }
-}
-
-/// The colours of a map from left to right.
-fn ramp(painter: &Painter, rect: Rect, map: ColorMap) {
-    let steps = 30;
-    for step in 0..steps {
-        let [from, to] = [step, step + 1].map(|n| rect.left() + rect.width() * n as f32 / steps as f32);
-        let part = Rect::from_min_max(pos2(from, rect.top()), pos2(to, rect.bottom()));
-        painter.rect_filled(part, 0.0, theme::color(map.color(f64::from(step) / f64::from(steps - 1))));
     }
 }
 

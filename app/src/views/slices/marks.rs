@@ -21,7 +21,10 @@ use crate::theme::{
 };
 use crate::{
     format,
-    model::overlap::{Shown, mask_shown},
+    model::{
+        fusion::image_name,
+        overlap::{Shown, mask_shown},
+    },
     world::Second,
 };
 
@@ -102,11 +105,7 @@ fn second_image(painter: &Painter, input: &Input<'_>, layout: &Layout, second: &
             painter.line_segment([pos2(x, rect.top()), pos2(x, rect.bottom())], stroke);
         }
     }
-    let name = if second.time.is_empty() {
-        second.id.to_owned()
-    } else {
-        format!("{} · {}", second.id, second.time)
-    };
+    let name = image_name(second.id, second.time);
     let how = match fusion.mixing {
         Mixing::Over => {
             let above = three_digits(fusion.threshold_in(second.window));

@@ -11,7 +11,7 @@ use glioscope_core::{
 use super::{
     Context,
     projection::{ImageProjection, PROJECTION},
-    reference::{box_interval, in_index_space},
+    reference::{box_interval, in_index_space, value_at},
     scene::ContextScene,
 };
 use crate::{
@@ -86,24 +86,7 @@ fn most_along(of: &ImageProjection, ray: &Ray, step_mm: f64) -> Option<f64> {
     let near = near.max(0.0);
     let (o, d) = in_index_space(grid, ray);
     let steps = ((far - near) / step_mm).max(0.0).round() as usize;
-    let dims = grid.dims();
-    let value = |q: DVec3| {
-        let mut sum = 0.0;
-        for corner in 0..8_usize {
-            let (mut weight, mut ijk) = (1.0, [0; 3]);
-            for axis in 0..3 {
-                let x = q[axis].clamp(0.0, (dims[axis] - 1) as f64);
-                let up = corner >> axis & 1;
-                weight *= if up == 1 { x.fract() } else { 1.0 - x.fract() };
-                ijk[axis] = (x as usize + up).min(dims[axis] - 1);
-            }
-            if weight > 0.0 {
-                sum += weight * image.value(grid.linear(ijk));
-            }
-        }
-        sum
-    };
-    (0..steps).map(|k| value(o + (near + (k as f64 + 0.5) * step_mm) * d)).reduce(f64::max)
+    (0..steps).map(|k| value_at(image, o + (near + (k as f64 + 0.5) * step_mm) * d)).reduce(f64::max)
 }
 
 fn step_of(of: &ImageProjection) -> f64 {

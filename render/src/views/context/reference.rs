@@ -63,7 +63,7 @@ pub(crate) fn in_index_space(grid: &Grid, ray: &Ray) -> (DVec3, DVec3) {
 
 /// Trilinear value; NaN where a voxel with weight is not finite. Clamped to the edge voxels past the
 /// outermost centres.
-fn value_at(image: &Volume, q: DVec3) -> f64 {
+pub(super) fn value_at(image: &Volume, q: DVec3) -> f64 {
     let dims = image.grid().dims();
     let mut sum = 0.0;
     for corner in 0..8usize {

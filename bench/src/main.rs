@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod clock;
+mod hemisphere;
 mod loops;
 
 use std::{error::Error, io::Write, process::ExitCode};
@@ -29,6 +30,8 @@ enum Benchmark {
     Turning(loops::turning::TurningArguments),
     /// All 3D views of the default layout while they turn
     Together(loops::together::TogetherArguments),
+    /// The closeup on real and made cases, beside a peer: errors of the occlusion, times, pictures
+    Closeups(loops::closeups::CloseupsArguments),
     /// Reading and measuring 100,000 fibres
     Tracts,
     /// Reading images: files, or folders with a DICOM series
@@ -49,6 +52,7 @@ fn main() -> ExitCode {
         Benchmark::Views(arguments) => loops::views::run(&arguments),
         Benchmark::Turning(arguments) => loops::turning::run(&arguments),
         Benchmark::Together(arguments) => loops::together::run(&arguments),
+        Benchmark::Closeups(arguments) => loops::closeups::run(&arguments),
         Benchmark::Tracts => loops::tracts::run(),
         Benchmark::Images(arguments) => loops::images::run(&arguments),
         Benchmark::ForceField(arguments) => loops::force_field::run(&arguments),

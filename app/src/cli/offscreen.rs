@@ -1,6 +1,7 @@
 //! Devices and reports of what is drawn offscreen.
 
-use glioscope_render::{AdapterPreference, Gpu, Plan, Quality};
+use glioscope_core::Progress;
+use glioscope_render::{AdapterPreference, Gpu, Plan, Quality, light::FrameError};
 
 use crate::{
     error::AppError, model::PaneId, views::view3d::screen::PassTimes, window::offscreen_app::OffscreenApp,
@@ -20,13 +21,16 @@ pub(super) struct DrawReport {
     pub quality: Option<Quality>,
     pub warnings: Vec<String>,
     pub notes: Vec<String>,
+    /// Measured error of the light; `None` where it wasn't asked for or has no reference.
+    pub measured: Option<FrameError>,
 }
 
-/// Report on the last frame of `pane`'s 3D view; empty for other panes. `timed`: with its pass times.
+/// Report on the last frame of `pane`'s 3D view; empty for other panes. `timed`: with its pass times; `measured`: with the
+/// error of its light.
 pub(super) fn draw_report(
     drawn: &mut OffscreenApp,
     pane: PaneId,
-    timed: bool,
+    (timed, measured): (bool, bool),
 ) -> Result<DrawReport, AppError> {
     let Some(gpu) = drawn.app.gpu().cloned() else { return Ok(DrawReport::default()) };
     let Some(screen) = drawn.app.panes.screen(pane) else { return Ok(DrawReport::default()) };
@@ -36,7 +40,11 @@ pub(super) fn draw_report(
         quality: screen.quality().copied(),
         warnings: screen.warnings().to_vec(),
         notes: screen.notes().to_vec(),
+        measured: None,
     };
+    if measured && let Some(sample) = screen.light_sample(&gpu)? {
+        report.measured = sample.measure(&Progress::new())?;
+    }
     if timed && report.plan.is_some() {
         report.times = Some(screen.pass_times(&gpu)?.clone());
     }

@@ -3,16 +3,18 @@
 use std::{collections::BTreeMap, path::Path};
 
 use glioscope_core::{
+    Progress,
     case::CaseTracts,
     check,
     files::Inputs,
     optics::{Camera, Projection},
 };
 use glioscope_render::{
-    CloseupRenderer, Coloring, Gpu, Plan, Quality, RegionScene, closeup_plan,
+    CloseupRenderer, Coloring, Gpu, Plan, Quality, RegionScene, View3d, closeup_plan,
     flat::{Convention, Window},
     image::MOST_CLIP_PLANES,
     light::expected_error,
+    views::closeup::Closeup,
 };
 use serde_json::json;
 
@@ -263,7 +265,7 @@ pub(super) fn run(arguments: &RenderArguments) -> Result<(), AppError> {
                 let mut app = OffscreenApp::new(work, &gpu, arguments.dark)?;
                 let rgba = app.capture(view.pane(), arguments.size, arguments.scale as f32)?;
                 if let Some(pane) = view.pane() {
-                    report = draw_report(&mut app, pane, arguments.stats)?;
+                    report = draw_report(&mut app, pane, (arguments.stats, arguments.light_error))?;
                 }
                 terminal::notes(&app.comparison_warnings());
                 rgba
@@ -322,6 +324,11 @@ fn plain_closeup(
     }
     let frame = renderer.render(gpu, scene, quality, arguments.size)?;
     let rgba = frame.read_rgba(gpu)?;
+    if arguments.light_error
+        && let Some(sample) = Closeup::light_sample(frame, gpu, scene, quality)?
+    {
+        report.measured = sample.measure(&Progress::new())?;
+    }
     (report.warnings, report.notes) = (frame.warnings.clone(), frame.notes.clone());
     report.quality = Some(*quality);
     if arguments.stats {
@@ -354,7 +361,15 @@ fn print_stats(adapter: &str, size: [u32; 2], report: &DrawReport) -> Result<(),
     let light = report.quality.map(|quality| {
         let error = expected_error(&quality)
             .map(|[surfaces, tissue]| json!({"surfaces": surfaces, "tissue": tissue}));
-        json!({"mode": quality.lighting.mode, "expected_error": error, "notes": report.notes})
+        let measured = report.measured.map(
+            |found| json!({"rms": found.rms, "uncertainty": found.rms_uncertainty, "pixels": found.pixels}),
+        );
+        json!({
+            "mode": quality.lighting.mode,
+            "expected_error": error,
+            "measured_error": measured,
+            "notes": report.notes,
+        })
     });
     terminal::print_json(&json!({
         "adapter": adapter,

@@ -1,18 +1,34 @@
 //! Diagnostics: adapter, size and quality of each 3D view's frame, time of each render pass, omitted passes with
 //! reason.
 
+use std::sync::Arc;
+
 use egui::{Grid, RichText, ScrollArea, Ui};
-use glioscope_render::{Gpu, Quality, light};
+use glioscope_render::{
+    Gpu, Quality,
+    light::{self, FrameError, LightSample},
+};
 
 use super::{
     pane::{Pane, Stage},
     view3d::ScreenReport,
 };
-use crate::command::Commands;
+use crate::{
+    command::Commands,
+    model::PaneId,
+    world::jobs::{Ask, Derived, Lookup, progress_text},
+};
+
+/// A view and the number of its frame.
+type FrameNumber = (PaneId, u64);
 
 /// The pane of diagnostics.
 #[derive(Default)]
-pub struct DiagnosticsPane;
+pub struct DiagnosticsPane {
+    /// The frame whose light was asked to be measured.
+    sample: Option<(FrameNumber, Arc<LightSample>)>,
+    measured: Derived<FrameNumber, Option<FrameError>>,
+}
 
 impl Pane for DiagnosticsPane {
     fn show(&mut self, ui: &mut Ui, stage: &mut Stage<'_>, _: &mut Commands) {
@@ -22,7 +38,7 @@ impl Pane for DiagnosticsPane {
                     ui.label(RichText::new("Adapter").strong());
                     ui.label(graphics.gpu.describe());
                     for (pane, screen) in &mut stage.screens {
-                        report(ui, pane.tab(), &graphics.gpu, *screen);
+                        self.report(ui, (*pane, stage.ask), &graphics.gpu, *screen);
                     }
                 }
                 None => {
@@ -55,43 +71,94 @@ pub fn light_text(quality: &Quality) -> String {
     }
 }
 
-fn report(ui: &mut Ui, name: &str, gpu: &Gpu, screen: &mut dyn ScreenReport) {
-    ui.add_space(6.0);
-    ui.label(RichText::new(name).strong());
-    let Some((plan, [width, height])) = screen.plan() else {
-        ui.label("Not drawn: no pane shows it.");
-        return;
-    };
-    let omitted = plan.omitted.clone();
-    if let Some(share) = screen.share_done() {
-        ui.label(format!("A finer picture is being drawn: {:.0} %.", 100.0 * share));
+/// A frame's measured error, as text.
+pub fn measured_text(error: Option<&FrameError>) -> String {
+    match error {
+        Some(FrameError { rms, rms_uncertainty, pixels }) => format!(
+            "Measured in this frame: {rms:.3} ± {rms_uncertainty:.3} of the light (root mean square at {pixels} pixels, \
+             against rays through the voxels)."
+        ),
+        None => "Measured in this frame: nothing, it shows no lit surface of a mask.".to_owned(),
     }
-    match screen.pass_times(gpu) {
-        Ok(times) => {
-            ui.label(format!("{width} × {height} pixels, times by {}", times.source));
-            Grid::new((name, "passes")).num_columns(2).striped(true).show(ui, |ui| {
-                for (pass, milliseconds) in &times.passes {
-                    ui.label(pass.name());
-                    ui.label(format!("{milliseconds:.2} ms"));
-                    ui.end_row();
+}
+
+impl DiagnosticsPane {
+    fn report(&mut self, ui: &mut Ui, (pane, ask): (PaneId, &Ask), gpu: &Gpu, screen: &mut dyn ScreenReport) {
+        let name = pane.tab();
+        ui.add_space(6.0);
+        ui.label(RichText::new(name).strong());
+        let Some((plan, [width, height])) = screen.plan() else {
+            ui.label("Not drawn: no pane shows it.");
+            return;
+        };
+        let omitted = plan.omitted.clone();
+        if let Some(share) = screen.share_done() {
+            ui.label(format!("A finer picture is being drawn: {:.0} %.", 100.0 * share));
+        }
+        match screen.pass_times(gpu) {
+            Ok(times) => {
+                ui.label(format!("{width} × {height} pixels, times by {}", times.source));
+                Grid::new((name, "passes")).num_columns(2).striped(true).show(ui, |ui| {
+                    for (pass, milliseconds) in &times.passes {
+                        ui.label(pass.name());
+                        ui.label(format!("{milliseconds:.2} ms"));
+                        ui.end_row();
+                    }
+                });
+            }
+            Err(error) => {
+                ui.label(error.to_string());
+            }
+        }
+        if let Some(quality) = screen.quality() {
+            ui.label(light_text(quality));
+        }
+        self.measurement(ui, (pane, screen.frames_drawn()), ask, gpu, screen);
+        for note in screen.notes() {
+            ui.label(format!("Note: {note}."));
+        }
+        if omitted.is_empty() {
+            ui.label("Left out: nothing.");
+        }
+        for (pass, reason) in &omitted {
+            ui.label(format!("Left out: {}: {reason}", pass.name()));
+        }
+        ui.weak(format!("Frames drawn: {}", screen.frames_drawn()));
+    }
+
+    /// The measured error of the frame, or the button that measures it.
+    fn measurement(
+        &mut self,
+        ui: &mut Ui,
+        frame: FrameNumber,
+        ask: &Ask,
+        gpu: &Gpu,
+        screen: &dyn ScreenReport,
+    ) {
+        if let Some((_, sample)) = self.sample.as_ref().filter(|(number, _)| *number == frame) {
+            let sample = Arc::clone(sample);
+            match self.measured.get(frame, ask, move |progress| Ok(sample.measure(progress)?)) {
+                Lookup::Ready(error) => ui.label(measured_text(error.as_ref().as_ref())),
+                Lookup::Working(progress) => ui.label(format!("Measuring: {}", progress_text(progress))),
+                Lookup::Failed(why) => ui.label(why.to_string()),
+            };
+            return;
+        }
+        if !screen.light_is_measurable() {
+            return;
+        }
+        let button = ui.button("Measure the error of this frame");
+        if button
+            .on_hover_text("Compares some thousand of its pixels with rays through the voxels.")
+            .clicked()
+        {
+            match screen.light_sample(gpu) {
+                Ok(Some(sample)) => self.sample = Some((frame, Arc::new(sample))),
+                Ok(None) => {}
+                Err(error) => {
+                    ui.label(error.to_string());
                 }
-            });
-        }
-        Err(error) => {
-            ui.label(error.to_string());
+            }
         }
     }
-    if let Some(quality) = screen.quality() {
-        ui.label(light_text(quality));
-    }
-    for note in screen.notes() {
-        ui.label(format!("Note: {note}."));
-    }
-    if omitted.is_empty() {
-        ui.label("Left out: nothing.");
-    }
-    for (pass, reason) in &omitted {
-        ui.label(format!("Left out: {}: {reason}", pass.name()));
-    }
-    ui.weak(format!("Frames drawn: {}", screen.frames_drawn()));
 }

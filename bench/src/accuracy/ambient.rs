@@ -9,17 +9,17 @@ use glioscope_core::optics::{
     hemisphere::{DepthScene, Weight, openness},
     random::Random,
     srgb,
-    voxels::OpaqueVoxels,
 };
-use glioscope_render::{
-    CloseupRenderer, LightSettings, LightingMode, Preset, Quality, RegionScene, light::preset,
-};
+use glioscope_render::{CloseupRenderer, LightSettings, LightingMode, Quality, RegionScene};
 use rayon::prelude::*;
 
 use super::{
     Axis, Bench, Curve, Defaults, Family, Point, TRACED_KERNEL, errors::Errors, scenes, sweep::Sweep,
 };
-use crate::Outcome;
+use crate::{
+    Outcome,
+    hemisphere::{HemisphereTruth, radius_mm, through_voxels},
+};
 
 pub(super) const FAMILY: Family = Family {
     name: "ambient",
@@ -151,43 +151,6 @@ impl Hits {
     }
 }
 
-/// Occluded fraction of the hemisphere at every `stride`-th pixel: pixel index, fraction, standard error.
-type Truth = Vec<(usize, f64, f64)>;
-
-/// Rays through the voxels in `f64`, from as high above the first hits as the steps between voxels are.
-fn through_voxels(
-    scene: &RegionScene,
-    size: [u32; 2],
-    depths_mm: &[f64],
-    (stride, samples): (u32, u32),
-) -> Outcome<Truth> {
-    let radius_mm = radius_mm();
-    let tumor = scene.tumor.as_ref().ok_or("a closeup without masks")?;
-    let voxels = OpaqueVoxels::new(tumor.grid().clone(), |linear| tumor.id(linear) != 0);
-    let sight = Sight::new(&scene.camera, size);
-    let pixels: Vec<[u32; 2]> = (0..size[1])
-        .step_by(stride as usize)
-        .flat_map(|y| (0..size[0]).step_by(stride as usize).map(move |x| [x, y]))
-        .collect();
-    let at_pixel = |pixel: [u32; 2]| {
-        let number = (pixel[1] * size[0] + pixel[0]) as usize;
-        let at_mm = sight.at_mm(pixel, *depths_mm.get(number).filter(|d| d.is_finite())?);
-        let normal = voxels.normal(at_mm)?;
-        let from = at_mm + normal * voxels.step_height_mm(normal);
-        let is_hidden = |ray: &Ray, far: f64| voxels.hidden(ray, far);
-        let mut random = Random::new(5, number as u64);
-        let (open, error) =
-            openness(&is_hidden, from, normal, radius_mm, Weight::Cosine, samples, &mut random);
-        Some((number, 1.0 - open, error))
-    };
-    Ok(pixels.into_par_iter().filter_map(at_pixel).collect())
-}
-
-/// The window's own radius, for all kernels.
-fn radius_mm() -> f64 {
-    preset(LightingMode::Traced, Preset::Balanced).occlusion_radius_mm
-}
-
 /// A kernel: its name, its knob, and qualities with the knob's value and whether it is a default.
 type Kernel = (&'static str, &'static str, Vec<(String, (u32, bool, Quality))>);
 
@@ -228,7 +191,7 @@ fn against_voxels(
     size: [u32; 2],
     (stride, samples): (u32, u32),
 ) -> Outcome<Vec<Curve>> {
-    let mut truth: Option<Truth> = None;
+    let mut truth: Option<HemisphereTruth> = None;
     let mut out = Vec::new();
     for (kernel, knob, settings) in kernels(bench) {
         let sweep = Sweep {
@@ -246,9 +209,10 @@ fn against_voxels(
             if truth.is_none() {
                 truth = Some(through_voxels(scene, size, &found.depths_mm, (stride, samples))?);
             }
-            let truth = truth.as_deref().unwrap_or_default();
+            let truth = truth.as_ref().ok_or("no truth")?;
             let is_encoded = quality.lighting.mode != LightingMode::ScreenSpace;
             let pairs: Vec<(f64, f64)> = truth
+                .pixels
                 .iter()
                 .map(|(number, hidden, _)| {
                     let dark = found.dark.get(*number).copied().unwrap_or(f64::NAN);
@@ -260,7 +224,7 @@ fn against_voxels(
             Ok(Point { is_default: *is_default, correlation, ..Point::new(f64::from(*n), &errors) })
         };
         let points = bench.sweep(&sweep, &mut CloseupRenderer::new(bench.gpu)?, &settings, run, evaluate)?;
-        let measured = truth.as_deref().unwrap_or_default();
+        let measured = truth.as_ref().ok_or("no setting")?;
         out.push(Curve {
             family: FAMILY.name,
             kernel: kernel.to_owned(),
@@ -270,10 +234,10 @@ fn against_voxels(
                 "occluded fraction of the hemisphere within {} mm about the smoothed normal, cosine-weighted, by rays \
                  through the voxels in f64; {samples} rays at each of {} pixels, mean {:.3}",
                 radius_mm(),
-                measured.len(),
-                measured.iter().map(|(_, hidden, _)| hidden).sum::<f64>() / measured.len().max(1) as f64
+                measured.pixels.len(),
+                measured.mean()
             ),
-            truth_error: Some(Errors::of(measured.iter().map(|(_, _, e)| *e)).rms()),
+            truth_error: Some(Errors::of(measured.pixels.iter().map(|(_, _, e)| *e)).rms()),
             unit: "occluded fraction of light, 0 to 1",
             axis: Axis::Time,
             points,

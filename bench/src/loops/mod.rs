@@ -1,6 +1,7 @@
 //! Benchmarks that print times of views and kernels, one module each.
 
 pub mod change;
+pub mod closeups;
 pub mod ellipsoids;
 pub mod fluency;
 pub mod force_field;

@@ -92,6 +92,23 @@ impl OpaqueVoxels {
         (value / whole, slope - whole_slope * (value / whole))
     }
 
+    /// Whether a place lies in an opaque voxel.
+    pub fn is_opaque_at(&self, at_mm: DVec3) -> bool {
+        self.is_opaque(self.place(at_mm).floor().as_i64vec3().to_array())
+    }
+
+    /// Where rays from a first hit start: above the steps between voxels ([`OpaqueVoxels::step_height_mm`]), which would hide a
+    /// part of every slanted plane from itself; half as high where that lies in a voxel, as in a narrow hollow; else at
+    /// `nearer_mm`, a little before the hit on the line of sight.
+    pub fn ray_start_mm(&self, hit_mm: DVec3, normal: DVec3, nearer_mm: DVec3) -> DVec3 {
+        let lift_mm = normal * self.step_height_mm(normal);
+        [1.0, 0.5]
+            .map(|share| hit_mm + share * lift_mm)
+            .into_iter()
+            .find(|p| !self.is_opaque_at(*p))
+            .unwrap_or(nearer_mm)
+    }
+
     /// How far a point moves along `normal` until it has crossed one voxel along the axis that the normal is closest
     /// to, millimetres: as high as the steps between voxels of a slanted plane.
     pub fn step_height_mm(&self, normal: DVec3) -> f64 {

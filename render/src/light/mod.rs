@@ -3,6 +3,9 @@
 
 mod budget;
 pub(crate) mod cones;
+mod frame_error;
+#[cfg(test)]
+mod frame_error_tests;
 pub(crate) mod half_angle;
 pub(crate) mod horizon;
 pub(crate) mod kernel;
@@ -18,6 +21,7 @@ pub(crate) mod vicinity;
 use strum::VariantArray;
 
 pub use budget::{Auto, BUDGET_MS};
+pub use frame_error::{FrameError, LightSample};
 pub use lit::{LightRow, LightWork};
 
 use crate::{

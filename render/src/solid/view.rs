@@ -53,7 +53,8 @@ pub(crate) struct View {
     pub inner_line_strength: f32,
     pub outer_line_strength: f32,
     pub relief: f32,
-    pub unused_a: f32,
+    /// At most, of each pixel's stored occlusion; 0 where it isn't by rays.
+    pub occlusion_rays: f32,
     pub unused_b: f32,
     pub unused_c: f32,
 }
@@ -211,7 +212,7 @@ pub(crate) const LAYOUTS: [crate::layouts::Layout; 2] = [
         View, "View": corner, mm_per_pixel, right, mm_per_pixel_per_mm, up, nearest_mm, forward, voxel_mm, dims,
         log2_ids_per_word, bricks, selected, lens, background, silhouette, size, flags, occlusion_samples,
         occlusion_radius_mm, occlusion_strength, color_bleeding, line_scale, depth_span_mm, outside_opacity,
-        inner_line_strength, outer_line_strength, relief, unused_a, unused_b, unused_c
+        inner_line_strength, outer_line_strength, relief, occlusion_rays, unused_b, unused_c
     ),
     crate::layouts::layout!(OutsideHit, "Outside": depth, number, face, color),
 ];

@@ -12,7 +12,7 @@ use crate::{
         Gpu, PassName, RenderError, TimeSource,
         runner::{PassRunner, workgroups_of},
     },
-    light::{LightPasses, LightWork},
+    light::{LightPasses, LightSample, LightWork},
     scene::{Plan, Quality},
     solid::{
         targets::Targets,
@@ -64,6 +64,24 @@ pub trait View3d: Sized {
         scene: &Self::Scene,
         previous: Option<Self::FrameData>,
     ) -> Result<Prepared<Self::FrameData>, RenderError>;
+
+    /// Whether the light of such a frame has a reference, so that its error can be measured.
+    fn has_light_reference(_scene: &Self::Scene, _quality: &Quality) -> bool {
+        false
+    }
+
+    /// The light of a drawn frame, read back so that its error can be measured; `None` where it has no reference.
+    ///
+    /// # Errors
+    /// [`RenderError::Device`].
+    fn light_sample(
+        _frame: &Frame<Self>,
+        _gpu: &Gpu,
+        _scene: &Self::Scene,
+        _quality: &Quality,
+    ) -> Result<Option<LightSample>, RenderError> {
+        Ok(None)
+    }
 
     /// What is under a drawn pixel.
     ///

@@ -1,5 +1,5 @@
 // Averages ambient occlusion over the 4x4 pixels that sample different directions: along the surface, not across its
-// edges and silhouettes. Stored as composing passes read it: the share by which the encoded colour is darkened, but for
+// edges and silhouettes, nor across what the rays of two pixels tell apart. Stored as composing passes read it: the share by which the encoded colour is darkened, but for
 // ambient light.
 #include lib/view
 #include lib/normal
@@ -11,8 +11,18 @@
 @group(0) @binding(40) var<storage, read> normals: array<u32>;
 
 // Pixels on one surface: normals within 60 degrees, and this close to the other's plane, in radii.
-const LEAST_COSINE = 0.5;
-const OFF_PLANE = 0.25;
+const LEAST_COSINE = 0.85;
+const OFF_PLANE = 0.06;
+// Standard errors by which the shares of two pixels may differ, and how many rays tell that: of fewer all are averaged.
+const TOLD_APART = 4.0;
+const TELLING_RAYS = 32.0;
+
+// How far another pixel's share of rays may be from this one. One ray more of each kind is assumed, as in traced/rays.
+fn reach_of(share: f32) -> f32 {
+    let n = view.occlusion_rays;
+    let p = (share * n + 1.0) / (n + 2.0);
+    return select(2.0, TOLD_APART * sqrt(p * (1.0 - p) / max(n, 1.0)), n >= TELLING_RAYS);
+}
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -29,6 +39,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let n = unpacked_normal(normals[at]);
     let c = point_at(id.xy, depth);
     let reach = max(OFF_PLANE * view.occlusion_radius_mm, 2.0 * footprint_mm(depth));
+    let here = unpack4x8unorm(occlusion[at]).a;
+    let most = reach_of(here);
     var sum = vec4<f32>(0.0);
     var weight = 0.0;
     let last = vec2<i32>(view.size) - 1;
@@ -37,8 +49,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             let to = vec2<u32>(clamp(vec2<i32>(id.xy) + vec2<i32>(x, y), vec2<i32>(0), last));
             let there = linear_index(to);
             let off = abs(dot(point_at(to, depths[there]) - c, n));
-            let along = off < reach && dot(unpacked_normal(normals[there]), n) > LEAST_COSINE;
             let o = unpack4x8unorm(occlusion[there]);
+            let along = off < reach && dot(unpacked_normal(normals[there]), n) > LEAST_COSINE && abs(o.a - here) < most;
             // Colours count as much as light is lost to them.
             sum += select(vec4<f32>(0.0), vec4<f32>(o.rgb * o.a, o.a), along);
             weight += select(0.0, 1.0, along);

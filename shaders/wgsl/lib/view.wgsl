@@ -34,7 +34,7 @@ struct View {
     inner_line_strength: f32,
     outer_line_strength: f32,
     relief: f32,                    // of the light at the eye: 0 none, 1 full
-    unused_a: f32,
+    occlusion_rays: f32,            // at most, of each pixel's stored occlusion; 0 where it isn't by rays
     unused_b: f32,
     unused_c: f32,
 }

@@ -33,6 +33,9 @@ struct Found {
 // Rays start this far above the surface, along the axis of voxels that the normal is closest to: above the steps
 // between voxels, which would hide a part of every slanted plane from itself.
 const LIFT = 1.0;
+// Where that lies in a voxel, as in a narrow hollow, they start half as high, or else this much before the hit on the line
+// of sight, in the finest spacing.
+const NEARER = 0.02;
 // Standard error at which a pixel has enough rays, and how many pixels' rays the filter averages, at least.
 const ENOUGH = 0.01;
 const AVERAGED = 12.0;
@@ -59,6 +62,16 @@ fn blocker(ray: Ray, far: f32) -> vec3<i32> {
         cell += select(vec3<i32>(0), ray.step, vec3<u32>(first_axis(next)) == vec3<u32>(0u, 1u, 2u));
     }
     return vec3<i32>(-MARGIN - 1);
+}
+
+// A vector of camera space in index space.
+fn in_index_space(v: vec3<f32>) -> vec3<f32> {
+    return v.x * view.right + v.y * view.up + v.z * view.forward;
+}
+
+// Whether a place in camera space, within a voxel of a surface, lies in a shown voxel.
+fn is_shown_at(c: vec3<f32>) -> bool {
+    return shown_at(vec3<i32>(floor(view.corner + in_index_space(c))));
 }
 
 // Whether the rays so far are enough, by the standard error of as many independent ones. One ray more of each kind is
@@ -90,9 +103,17 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         }
     }
     let n = unpacked_normal(normals[at]);
-    let along = n.x * view.right + n.y * view.up + n.z * view.forward;
-    let c = point_at(id.xy, depth) + n * (LIFT / max(max(abs(along.x), abs(along.y)), abs(along.z)));
-    let o = view.corner + c.x * view.right + c.y * view.up + c.z * view.forward;
+    let along = in_index_space(n);
+    let lift = n * (LIFT / max(max(abs(along.x), abs(along.y)), abs(along.z)));
+    var c = point_at(id.xy, depth) + lift;
+    // The smooth surface lies within voxels: see `blocker`.
+    if (flags() & SMOOTH) == 0u && is_shown_at(c) {
+        c -= 0.5 * lift;
+        if is_shown_at(c) {
+            c = point_at(id.xy, depth - NEARER * view.voxel_mm);
+        }
+    }
+    let o = view.corner + in_index_space(c);
     let basis = tangents_of(n);
     let margin = vec3<i32>(1);
     let end = vec3<i32>(view.dims) + margin;
@@ -101,7 +122,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         let ring = sqrt(u.x);
         let turn = 6.2831853 * u.y;
         let w = ring * cos(turn) * basis[0] + ring * sin(turn) * basis[1] + sqrt(1.0 - u.x) * n;
-        let ray = ray_from(o, w.x * view.right + w.y * view.up + w.z * view.forward);
+        let ray = ray_from(o, in_index_space(w));
         let out = crossing(ray, select(-margin, end, ray.ahead == vec3<i32>(1)));
         let far = min(min(view.occlusion_radius_mm, leaves_lens(c, w)), min(out.x, min(out.y, out.z)));
         let cell = blocker(ray, far);

@@ -4,7 +4,9 @@ use std::{sync::Arc, time::Instant};
 
 use egui::{TextureId, mutex::RwLock};
 use glam::UVec2;
-use glioscope_render::{Frame, Gpu, PassName, Plan, Quality, RenderError, Renderer, View3d};
+use glioscope_render::{
+    Frame, Gpu, PassName, Plan, Quality, RenderError, Renderer, View3d, light::LightSample,
+};
 
 use crate::{cpu_paint::ViewPictures, error::AppError};
 
@@ -45,6 +47,14 @@ pub trait ScreenReport {
     fn notes(&self) -> &[String];
     /// Parts of the scene that the frame doesn't show, as text.
     fn warnings(&self) -> &[String];
+    /// Whether the light of the frame can be measured.
+    fn light_is_measurable(&self) -> bool;
+    /// The light of the frame, read back so that its error can be measured; `None` where there is no reference, and while a
+    /// finer frame is in progress.
+    ///
+    /// # Errors
+    /// [`AppError`] if the device fails.
+    fn light_sample(&self, gpu: &Gpu) -> Result<Option<LightSample>, AppError>;
     /// Number of frames drawn so far; tests check that an idle window draws none.
     fn frames_drawn(&self) -> u64;
 }
@@ -263,6 +273,19 @@ impl<V: View3d> ScreenReport for Screen<V> {
 
     fn warnings(&self) -> &[String] {
         self.frame().map_or(&[], |frame| &frame.warnings)
+    }
+
+    fn light_is_measurable(&self) -> bool {
+        let request = self.shown.as_ref().filter(|_| self.pending.is_none()).map(|shown| &shown.request);
+        request.is_some_and(|request| V::has_light_reference(&request.scene, &request.quality))
+    }
+
+    fn light_sample(&self, gpu: &Gpu) -> Result<Option<LightSample>, AppError> {
+        let (Some(frame), Some(shown), None) = (self.frame(), &self.shown, &self.pending) else {
+            return Ok(None);
+        };
+        let FrameRequest { scene, quality, .. } = &shown.request;
+        Ok(V::light_sample(frame, gpu, scene, quality)?)
     }
 
     fn frames_drawn(&self) -> u64 {

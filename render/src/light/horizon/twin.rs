@@ -66,7 +66,14 @@ impl Surface {
 
 /// horizon/along_surface: from darkness of 8 bits, the darkness that it stores, 0 to 255 and not rounded; `None` on the
 /// background, and where single precision decides whether a pixel is on the same surface.
-pub(crate) fn filtered(surface: &Surface, occlusion: &[u32], radius_mm: f64) -> Vec<Option<f64>> {
+/// `rays`: of each pixel's darkness, 0 where it isn't by rays.
+pub(crate) fn filtered(surface: &Surface, occlusion: &[u32], radius_mm: f64, rays: u32) -> Vec<Option<f64>> {
+    let share = |at: usize| f64::from(occlusion[at] >> 24) / 255.0;
+    let most = |share: f64| {
+        let n = f64::from(rays);
+        let p = (share * n + 1.0) / (n + 2.0);
+        if rays < 32 { 2.0 } else { 4.0 * (p * (1.0 - p) / n).sqrt() }
+    };
     let last = surface.size.map(|s| s as i64 - 1);
     let of_pixel = |i: usize| {
         let depth = surface.depths_mm[i];
@@ -75,7 +82,7 @@ pub(crate) fn filtered(surface: &Surface, occlusion: &[u32], radius_mm: f64) -> 
         }
         let [x, y] = surface.pixel(i);
         let (n, c) = (surface.normals[i], surface.point([x, y]));
-        let reach = (0.25 * radius_mm).max(2.0 * surface.sight.pixel_mm(depth));
+        let reach = (0.06 * radius_mm).max(2.0 * surface.sight.pixel_mm(depth));
         let (mut sum, mut weight, mut ambiguous) = (0.0, 0.0, false);
         for (dx, dy) in (-2..2).flat_map(|dy: i64| (-2..2).map(move |dx: i64| (dx, dy))) {
             let to =
@@ -86,9 +93,10 @@ pub(crate) fn filtered(surface: &Surface, occlusion: &[u32], radius_mm: f64) -> 
             }
             let off = (surface.point(to) - c).dot(n).abs();
             let cosine = surface.normals[there].dot(n);
-            ambiguous |= (off - reach).abs() < 1e-3 || (cosine - 0.5).abs() < 1e-4;
-            if off < reach && cosine > 0.5 {
-                sum += f64::from(occlusion[there] >> 24) / 255.0;
+            let apart = (share(there) - share(i)).abs() - most(share(i));
+            ambiguous |= (off - reach).abs() < 1e-3 || (cosine - 0.85).abs() < 1e-4 || apart.abs() < 1e-5;
+            if off < reach && cosine > 0.85 && apart < 0.0 {
+                sum += share(there);
                 weight += 1.0;
             }
         }

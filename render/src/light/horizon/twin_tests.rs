@@ -87,7 +87,7 @@ pub(super) fn max_twin_error() -> f64 {
         let found = frame.read_occlusion(&GPU);
         let (off, compared) = worst_byte(&found, &expected);
         assert!(compared > 2000, "{compared} dark pixels");
-        let smooth = filtered(&surface, &found, quality.occlusion_radius_mm);
+        let smooth = filtered(&surface, &found, quality.occlusion_radius_mm, 0);
         let (off_filter, compared) = worst_byte(&frame.read_blurred(&GPU), &smooth);
         assert!(compared > 2000, "{compared} dark pixels after the filter");
         println!("{occlusion_samples} pairs: {off:.1e}, filter {off_filter:.1e}");

@@ -19,8 +19,9 @@ use glioscope_core::RegionVolume;
 use crate::{
     device::{Gpu, RenderError},
     light::{
-        self, NO_IMAGE,
+        self, LightSample, NO_IMAGE,
         lit::{LitKind, LitScene, Opaque},
+        traced::RAYS,
     },
     scene::{Lens, Plan, Quality, RegionScene, lens::check_view},
     solid::{
@@ -126,6 +127,9 @@ impl View3d for Closeup {
         }
         flags |= if draw.switches.skipping { 0 } else { NO_SKIPPING };
         let mut view = region_view(scene, reference_mm, draw.quality, size, flags);
+        if draw.plan.has(RAYS) {
+            view.occlusion_rays = draw.quality.occlusion_rays.clamp(1, Quality::MOST_RAYS) as f32;
+        }
         self.plane.update(gpu, scene.plane.as_ref(), &scene.camera, reference_mm, &mut view)?;
         regions.show(gpu, scene, &mut view);
         draw.write_view(&view);
@@ -205,6 +209,24 @@ impl View3d for Closeup {
         draw.passes.bind(gpu, COMPOSE, "closeup/compose", &entries, workgroups)?;
         let data = FrameData { tumor: scene.tumor.clone(), lens: scene.lens };
         Ok(Prepared { data, camera: scene.camera, reference_mm, warnings: Vec::new(), notes })
+    }
+
+    fn has_light_reference(scene: &RegionScene, quality: &Quality) -> bool {
+        LightSample::has_reference(scene, quality)
+    }
+
+    fn light_sample(
+        frame: &Frame<Self>,
+        gpu: &Gpu,
+        scene: &RegionScene,
+        quality: &Quality,
+    ) -> Result<Option<LightSample>, RenderError> {
+        // Asked first: nothing is read back in vain.
+        if !Self::has_light_reference(scene, quality) {
+            return Ok(None);
+        }
+        let Occlusion { depths_mm, dark } = frame.occlusion(gpu)?;
+        Ok(LightSample::of(scene, quality, frame.size_px, (depths_mm, dark)))
     }
 
     fn pick(frame: &Frame<Self>, gpu: &Gpu, pixel: [u32; 2]) -> Result<Option<Pick>, RenderError> {

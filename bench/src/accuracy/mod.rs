@@ -17,6 +17,7 @@ mod report;
 mod resampling;
 mod scenes;
 mod skeleton;
+mod solids;
 mod sweep;
 #[cfg(test)]
 mod tests;
@@ -35,10 +36,11 @@ pub use self::skeleton::angle_deg;
 use crate::{Outcome, clock::Timing, open_gpu, print_line};
 
 /// All families, in the order of the page.
-const FAMILIES: [&Family; 8] = [
+const FAMILIES: [&Family; 9] = [
     &context::FAMILY,
     &ambient::FAMILY,
     &masks::FAMILY,
+    &solids::FAMILY,
     &light::FAMILY,
     &lamp::FAMILY,
     &ellipsoids::FAMILY,

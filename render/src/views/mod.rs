@@ -4,10 +4,12 @@ pub mod change;
 pub mod closeup;
 pub mod context;
 pub mod ellipsoids;
+mod occlusion;
 #[cfg(test)]
 mod test_reads;
 pub mod view3d;
 
+pub use occlusion::Occlusion;
 pub use view3d::{Frame, Renderer, View3d};
 
 /// Draws closeups.

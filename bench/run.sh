@@ -9,7 +9,8 @@ Usage: ./x bench [--runs N] [--software] [--vtk | --turning] [--data DIR]
 
   --runs N    timed runs of each program; medians are reported (default 7)
   --software  draw with the software adapter even if there is a GPU
-  --vtk       also time VTK's volume ray casting and surfaces with SSAO (../shared/bench/vtk_peer.py; about a minute)
+  --vtk       also time VTK's volume ray casting and surfaces with SSAO, and compare its occlusion with ours (../shared/bench/vtk_peer.py,
+              bench/peer_ssao.py; some minutes)
   --turning   only the frames a second of the default layout's 3D views while all turn, and what their lighting passes cost
   --data DIR  folder with glioma-5-algorithms (default GLIOSCOPE_REAL_DATA or ../shared/data)
 TEXT
@@ -131,4 +132,15 @@ if [[ -n $vtk ]]; then
         exit 1
     fi
     awk '/^[0-9]+ / && $2 != "volume+ssao" { printf "| %sx%s | %s | %s | %s |\n", $1, $1, $2, $3, $5 }' "$scratch/vtk.txt"
+
+    echo
+    echo "### The closeup beside VTK's surfaces with SSAO: the same masks from the same camera"
+    cargo build --quiet --manifest-path "$root/Cargo.toml" --release -p glioscope-bench
+    for size in 512 1024; do
+        echo
+        "$target_dir/release/glioscope-bench" closeups "$data" --size "$size" --frames "$runs" --out "$scratch/closeups-$size" "${software[@]}"
+        echo
+        env -u DISPLAY "$venv/bin/python" "$root/bench/peer_ssao.py" "$scratch/closeups-$size" --frames "$runs" 2>"$scratch/vtk.err" ||
+            { cat "$scratch/vtk.err" >&2 && exit 1; }
+    done
 fi

@@ -507,7 +507,7 @@ fn stats(made: &Made) -> Vec<Value> {
     };
     vec![
         draw(&["--view", "overlap"]),
-        draw(&["--view", "closeup"]),
+        draw(&["--view", "closeup", "--light-error"]),
         draw(&["--view", "context", "--light", "slices", "--quality", "draft"]),
     ]
 }

@@ -14,7 +14,8 @@ use glioscope::{
 use glioscope_core::optics::Camera;
 use glioscope_render::{Lamp, LampFrame, LightingMode, Preset, Quality, light as lights};
 use glioscope_tests::{
-    MASK_COLORS, Window, count_color, drafting_window_on, issue, maximized, pane_picture, perform, window_on,
+    MASK_COLORS, Window, count_color, drafting_window_on, issue, maximized, pane_picture, perform, wait_for_workers,
+    window_on,
 };
 
 fn light(harness: &Harness<'_, GlioscopeApp>) -> LightChoice {
@@ -209,6 +210,25 @@ fn diagnostics_report_the_expected_lighting_error() {
         "Expected error of the picture: {surfaces:.3} of white on opaque surfaces, {tissue:.3} in tissue"
     );
     harness.get_all_by_label_contains(&text).next().unwrap();
+}
+
+/// The error of the frame that is shown: measured when asked for, and asked for again after the camera turned.
+#[test]
+fn diagnostics_measure_the_error_of_the_frame_shown() {
+    const BUTTON: &str = "Measure the error of this frame";
+    let mut harness = window_on(CaseRef::Sample, [1100.0, 900.0], Theme::Dark);
+    perform(&mut harness, EditCommand::TogglePane(PaneId::Diagnostics));
+    assert_eq!(harness.query_all_by_label(BUTTON).count(), 1, "of the closeup alone");
+    harness.get_by_label(BUTTON).click();
+    harness.run_ok();
+    wait_for_workers(&mut harness);
+    harness.get_by_label_contains("Measured in this frame: 0.0");
+    assert!(harness.query_by_label(BUTTON).is_none());
+    let mut camera = harness.state().work.doc.as_ref().unwrap().nav.camera;
+    camera.world_from_camera = Camera::orientation(77.0, 15.0);
+    perform(&mut harness, LookCommand::SetCamera(camera));
+    assert!(harness.query_by_label_contains("Measured in this frame").is_none());
+    harness.get_by_label(BUTTON);
 }
 
 /// The refined frame is drawn in parts: the window shows the draft meanwhile, rotating the camera drops the unfinished

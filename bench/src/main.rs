@@ -24,6 +24,8 @@ struct Arguments {
 enum Benchmark {
     /// Error against run time of every approximate kernel: numbers, plots and a page
     Accuracy(accuracy::AccuracyArguments),
+    /// Every lighting mode on the sample: time, memory and error in one table
+    Lights(accuracy::lights::LightsArguments),
     /// Times of the passes of all 3D views
     Views(loops::views::ViewsArguments),
     /// Automatic quality while a view rotates
@@ -49,6 +51,7 @@ enum Benchmark {
 fn main() -> ExitCode {
     let outcome = match Arguments::parse().benchmark {
         Benchmark::Accuracy(arguments) => accuracy::run(&arguments),
+        Benchmark::Lights(arguments) => accuracy::lights::run(&arguments),
         Benchmark::Views(arguments) => loops::views::run(&arguments),
         Benchmark::Turning(arguments) => loops::turning::run(&arguments),
         Benchmark::Together(arguments) => loops::together::run(&arguments),

@@ -12,6 +12,7 @@ mod errors;
 mod front;
 mod lamp;
 mod light;
+pub mod lights;
 mod masks;
 mod report;
 mod resampling;

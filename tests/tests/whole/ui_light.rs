@@ -14,8 +14,8 @@ use glioscope::{
 use glioscope_core::optics::Camera;
 use glioscope_render::{Lamp, LampFrame, LightingMode, Preset, Quality, light as lights};
 use glioscope_tests::{
-    MASK_COLORS, Window, count_color, drafting_window_on, issue, maximized, pane_picture, perform, wait_for_workers,
-    window_on,
+    MASK_COLORS, Window, count_color, drafting_window_on, issue, maximized, pane_picture, perform,
+    wait_for_workers, window_on,
 };
 
 fn light(harness: &Harness<'_, GlioscopeApp>) -> LightChoice {

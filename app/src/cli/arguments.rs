@@ -205,8 +205,8 @@ pub struct ReplayArguments {
 /// Lighting of the 3D views.
 #[derive(Clone, Copy, Debug, Default, Args)]
 pub struct LightArguments {
-    /// The lighting mode. Soft shadows of slices or cones show depth order and size best, the hard ones of a lamp (half-angle)
-    /// absolute depth in CT; a headlight (the others) is liked best in pictures for patients.
+    /// The lighting mode. Soft shadows of slices or cones show depth order and size best, the hard ones of a lamp (half-angle,
+    /// shadow-volume) absolute depth in CT; a headlight (the others) is liked best in pictures for patients.
     #[arg(long, value_name = "MODE", value_parser = keyword::<LightingMode>())]
     pub light: Option<LightingMode>,
     /// Quality preset; default: reference.
@@ -215,10 +215,10 @@ pub struct LightArguments {
     /// Half the opening angle of the cone that light comes from, in degrees: 0 to 85.
     #[arg(long, value_name = "DEG", value_parser = parse::within(0.0..=85.0), allow_hyphen_values = true)]
     pub aperture: Option<f64>,
-    /// Half-angle: where the lamp stands, in degrees: AZIMUTH,ELEVATION. To the viewer's right and upwards; 0,0 is at the eye.
+    /// Half-angle, shadow volume: where the lamp stands, in degrees: AZIMUTH,ELEVATION. To the viewer's right and upwards; 0,0 is at the eye.
     #[arg(long, value_name = "AZ,EL", value_parser = parse::lamp, allow_hyphen_values = true)]
     pub lamp: Option<[f64; 2]>,
-    /// Half-angle: what the lamp stands still to. For the patient its angles are those of `--camera`.
+    /// Half-angle, shadow volume: what the lamp stands still to. For the patient its angles are those of `--camera`.
     #[arg(long, value_name = "FRAME", value_parser = keyword::<LampFrame>())]
     pub lamp_frame: Option<LampFrame>,
     /// Slices: how occlusion is propagated; paper: with approximate distances.
@@ -230,6 +230,9 @@ pub struct LightArguments {
     /// Slices, half-angle: distance between slices.
     #[arg(long, value_name = "MM", value_parser = parse::above_zero(100.0), allow_hyphen_values = true)]
     pub slice_mm: Option<f64>,
+    /// Cones, shadow volume: side of the cells of the image in which light is kept.
+    #[arg(long, value_name = "MM", value_parser = parse::above_zero(100.0), allow_hyphen_values = true)]
+    pub cell_mm: Option<f64>,
     /// Slices: pairs A-B where A darkens B, of image-image, opaque-image, image-opaque and opaque-opaque; or none.
     #[arg(long, value_name = "A-B,...", value_parser = parse::darkens)]
     pub darkens: Option<MutualOcclusion>,

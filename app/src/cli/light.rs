@@ -7,7 +7,7 @@ use crate::model::{LightChoice, Shading};
 
 /// The lighting given by the arguments: the preset's, or custom settings based on it. What they leave open is as in `base`.
 pub(super) fn light(arguments: &LightArguments, base: &LightChoice) -> LightChoice {
-    let LightArguments { light: mode, quality, aperture, slices, footprint, slice_mm, darkens, .. } =
+    let LightArguments { light: mode, quality, aperture, slices, footprint, slice_mm, cell_mm, darkens, .. } =
         *arguments;
     let is_open = mode.is_none() && quality.is_none() && aperture.is_none();
     let mut choice = LightChoice {
@@ -29,7 +29,8 @@ pub(super) fn light(arguments: &LightArguments, base: &LightChoice) -> LightChoi
             vicinity_samples: arguments.vicinity_samples.or(base.shading.vicinity_samples),
         },
     };
-    if slices.is_none() && footprint.is_none() && slice_mm.is_none() && darkens.is_none() {
+    let is_preset = slices.is_none() && footprint.is_none() && slice_mm.is_none();
+    if is_preset && cell_mm.is_none() && darkens.is_none() {
         return choice;
     }
     let preset = light::preset(choice.mode, choice.preset.unwrap_or(Preset::Reference)).lighting;
@@ -42,6 +43,7 @@ pub(super) fn light(arguments: &LightArguments, base: &LightChoice) -> LightChoi
         lamp_texel_mm: slice_mm
             .filter(|_| choice.mode == LightingMode::HalfAngle)
             .unwrap_or(preset.lamp_texel_mm),
+        cell_mm: cell_mm.unwrap_or(preset.cell_mm),
         mutual: darkens.unwrap_or(preset.mutual),
         ..preset
     });

@@ -87,6 +87,7 @@ pub(super) fn without_effect_on_light(arguments: &LightArguments, choice: &Light
         ("--slices", a.slices.is_some(), choice.mode == LightingMode::Slices),
         ("--footprint", a.footprint.is_some(), choice.mode == LightingMode::Slices),
         ("--slice-mm", a.slice_mm.is_some(), choice.has_slices()),
+        ("--cell-mm", a.cell_mm.is_some(), choice.has_cells()),
     ];
     let unused = table.into_iter().filter(|(_, given, has_effect)| *given && !has_effect);
     unused.map(|(option, ..)| option).collect()
@@ -140,5 +141,9 @@ mod tests {
         };
         assert_eq!(unused(LightingMode::HalfAngle, &lamp), ["--aperture", "--occlusion-mm"]);
         assert_eq!(unused(LightingMode::Slices, &lamp), ["--lamp", "--occlusion-mm"]);
+        let cells =
+            LightArguments { cell_mm: Some(3.0), slice_mm: None, smooth: false, occlusion_mm: None, ..lamp };
+        assert_eq!(unused(LightingMode::ShadowVolume, &cells), ["--aperture"]);
+        assert_eq!(unused(LightingMode::HalfAngle, &cells), ["--aperture", "--cell-mm"]);
     }
 }

@@ -103,6 +103,11 @@ impl LightChoice {
         matches!(self.mode, LightingMode::Slices | LightingMode::HalfAngle)
     }
 
+    /// Whether the mode keeps light in cells of [`LightSettings::cell_mm`].
+    pub fn has_cells(&self) -> bool {
+        matches!(self.mode, LightingMode::Cones | LightingMode::ShadowVolume)
+    }
+
     /// The quality of views at rest and of exported files: the preset, or the reference without one.
     pub fn at_rest(&self) -> Quality {
         self.at(light::preset(self.mode, self.preset.unwrap_or(Preset::Reference)))

@@ -13,11 +13,11 @@ use crate::Outcome;
 
 pub(super) const FAMILY: Family = Family {
     name: "lamp",
-    title: "Half-angle slices of the context view and their presets",
+    title: "Half-angle slices and shadow volume of the context view, and their presets",
     about: "The context view as the window draws it in the light of a lamp, unlit tissue fully black, compared at a sample \
             of its pixels with the integral of single scattering of the same light, by marches whose steps are halved until \
-            nothing changes by more than 0.001. Slabs and texels of the light's buffer are equally fine along the path; \
-            towards lower cost the path reduces the resolution, too.",
+            nothing changes by more than 0.001. Slabs and texels of the light's buffer are equally fine along the path of \
+            half-angle slicing, cells are along that of the shadow volume; towards lower cost the paths reduce the resolution, too.",
     defaults: Defaults::Presets,
     curves,
 };
@@ -38,8 +38,6 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
         &[TransferPreset::MrSurface, TransferPreset::MrTissue],
     );
     let lamps = bench.effort.of(1, 1, LAMPS.len());
-    let mode = LightingMode::HalfAngle;
-    let most = light::row(mode).most_cost;
     let costs: &[f64] =
         bench.effort.of(&[0.03], &[0.03, 0.125, 1.0], &[0.015, 0.03, 0.06, 0.125, 0.25, 0.5, 1.0, 2.0]);
     let image = scenes::phantom_image()?;
@@ -58,30 +56,34 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
                 let mean = converged(medium, ray, 1.0, 1e-3, &light, DVec3::ZERO).radiance;
                 Estimate { mean, standard_error: DVec3::ZERO }
             })?;
-            let on_path = |cost: f64| {
-                let quality = light::at_cost(mode, cost);
-                let name = preset_of(&quality).map(|preset| preset.name().to_owned());
-                (name.unwrap_or_else(|| format!("cost {cost}")), (cost, lit(quality, lamp)))
-            };
-            let settings: Settings = costs.iter().copied().chain([most]).map(on_path).collect();
-            let points = measure_points(bench, "half-angle", &settings, &scene, size, &truth)?;
-            out.push(Curve {
-                family: FAMILY.name,
-                kernel: format!("half-angle, lamp {place}"),
-                scene: format!(
-                    "head phantom T1c, {}, {}x{} pixels requested, {} of them evaluated",
-                    preset.name(),
-                    size[0],
-                    size[1],
-                    truth.pixels.len()
-                ),
-                knob: "light::at_cost",
-                truth: "single scattering by marches with steps halved until they change nothing by more than 0.001".to_owned(),
-                truth_error: None,
-                unit: "linear radiance, 0 to 1",
-                axis: Axis::Time,
-                points,
-            });
+            for mode in [LightingMode::HalfAngle, LightingMode::ShadowVolume] {
+                let on_path = |cost: f64| {
+                    let quality = light::at_cost(mode, cost);
+                    let name = preset_of(&quality).map(|preset| preset.name().to_owned());
+                    (name.unwrap_or_else(|| format!("cost {cost}")), (cost, lit(quality, lamp)))
+                };
+                let most = light::row(mode).most_cost;
+                let settings: Settings = costs.iter().copied().chain([most]).map(on_path).collect();
+                let points = measure_points(bench, mode.name(), &settings, &scene, size, &truth)?;
+                out.push(Curve {
+                    family: FAMILY.name,
+                    kernel: format!("{}, lamp {place}", mode.name()),
+                    scene: format!(
+                        "head phantom T1c, {}, {}x{} pixels requested, {} of them evaluated",
+                        preset.name(),
+                        size[0],
+                        size[1],
+                        truth.pixels.len()
+                    ),
+                    knob: "light::at_cost",
+                    truth: "single scattering by marches with steps halved until they change nothing by more than 0.001"
+                        .to_owned(),
+                    truth_error: None,
+                    unit: "linear radiance, 0 to 1",
+                    axis: Axis::Time,
+                    points,
+                });
+            }
         }
     }
     Ok(out)

@@ -12,11 +12,13 @@ pub(crate) mod kernel;
 pub(crate) mod layers;
 pub(crate) mod lit;
 pub(crate) mod screen;
+pub(crate) mod shadow_volume;
 pub(crate) mod slices;
 #[cfg(test)]
 pub(crate) mod suite;
 pub(crate) mod traced;
 pub(crate) mod vicinity;
+pub(crate) mod volume;
 
 use strum::VariantArray;
 
@@ -32,7 +34,7 @@ use lit::{Light, LitKind, LitMarch, LitScene, Measured};
 
 /// One row per [`LightingMode`], in its order, which is also the order of menus.
 pub const LIGHTS: [LightRow; LightingMode::VARIANTS.len()] =
-    [screen::ROW, horizon::ROW, traced::ROW, slices::ROW, cones::ROW, half_angle::ROW];
+    [screen::ROW, horizon::ROW, traced::ROW, slices::ROW, cones::ROW, half_angle::ROW, shadow_volume::ROW];
 
 const _: () = {
     let mut at = 0;

@@ -42,6 +42,8 @@ keywords! {
         Cones,
         /// Hard shadows of one placed lamp, by half-angle slicing.
         HalfAngle,
+        /// Shadows of one placed lamp, carried through cells of the image.
+        ShadowVolume,
     }
 }
 
@@ -169,7 +171,7 @@ pub struct LightSettings {
     pub coarsest_level: u32,
     /// Cones: step along a sub-cone, in cells of the level read.
     pub cone_step: f64,
-    /// Cones: side of the image's light cells; cells of one voxel are the finest.
+    /// Cones, shadow volume: side of the image's light cells; cells of one voxel are the finest.
     pub cell_mm: f64,
     /// Vicinity occlusion: samples, 1 to [`LightSettings::MOST_VICINITY`].
     pub vicinity_samples: u32,
@@ -179,7 +181,7 @@ pub struct LightSettings {
     /// footprint's samples are apart; 1 to 4.
     #[serde(default = "default_layer_cell")]
     pub layer_cell: f64,
-    /// Half-angle slicing: where the light stands.
+    /// Half-angle slicing, shadow volume: where the light stands.
     #[serde(default)]
     pub lamp: Lamp,
     /// Half-angle slicing: side of a texel of the light's buffer; above 0.

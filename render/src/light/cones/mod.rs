@@ -3,7 +3,7 @@
 //! Lifetimes: prefiltered extinction of the image once per image and transfer function, that of the masks
 //! once per selection; the grid once per these and cell size; uniforms once per frame.
 
-mod grid;
+pub(crate) mod grid;
 #[cfg(test)]
 mod grid_tests;
 #[cfg(test)]
@@ -45,7 +45,7 @@ use crate::{
         volume::{BRICK, Field},
     },
     scene::{LightSettings, LightingMode, Plan, Quality, same},
-    solid::view::{HAS_OCCLUSION, LINEAR_LIGHT, in_camera_space, index_axes},
+    solid::view::{HAS_OCCLUSION, LINEAR_LIGHT, index_axes},
 };
 
 /// Light that reaches the cells of the context image's light grid.
@@ -134,8 +134,8 @@ fn at_cost(cost: f64) -> Quality {
     }
 }
 
-/// Binding numbers of [`ConeLight::grid`].
-const GRID_BINDINGS: [u32; 2] = [37, 38];
+/// Binding numbers of a light grid and its uniform.
+pub(crate) const GRID_BINDINGS: [u32; 2] = [37, 38];
 
 /// Optical thickness at which a voxel is opaque.
 const OPAQUE_THICKNESS: f64 = 40.0;
@@ -254,7 +254,7 @@ struct MaskLight {
 
 /// Bytes from one dispatch's uniform to the next, and bytes of one.
 const STRIDE: usize = 256;
-const PART_BYTES: u64 = size_of::<LightPart>() as u64;
+pub(crate) const PART_BYTES: u64 = size_of::<LightPart>() as u64;
 
 /// Cells per dispatch on a software adapter: few enough that a window needn't wait for them (docs/performance.md). A
 /// GPU takes all in one dispatch.
@@ -263,7 +263,7 @@ const CELLS_PER_DISPATCH: u32 = 1024;
 const MOST_DISPATCHES: u32 = 4096;
 
 /// The uniforms and the dispatches that process this many cells; one dispatch for no cells.
-pub(super) fn cell_dispatches(cells: u32, is_software: bool) -> (Vec<u8>, Vec<Dispatch>) {
+pub(crate) fn cell_dispatches(cells: u32, is_software: bool) -> (Vec<u8>, Vec<Dispatch>) {
     let per_dispatch =
         if is_software { CELLS_PER_DISPATCH.max(cells.div_ceil(MOST_DISPATCHES)) } else { cells.max(1) };
     let per_dispatch = per_dispatch.next_multiple_of(64);
@@ -447,7 +447,11 @@ impl ConeLight {
         };
         gpu.queue.write_buffer(&self.image_uniform, 0, bytemuck::bytes_of(&uniform));
         let strength = scene.quality.strength();
-        let grid = LightGrid { strength, ..grid_uniform(&held, scene.camera, scene.reference_mm) };
+        let grid = LightGrid {
+            needed: held.needed_count,
+            strength,
+            ..LightGrid::of(&held.medium.grid, &held.cells, scene.camera, scene.reference_mm)
+        };
         gpu.queue.write_buffer(&self.grid_uniform, 0, bytemuck::bytes_of(&grid));
         let pipeline = self.image_pipeline(gpu, buffers.tables().dimensions)?;
         let entries = [
@@ -559,28 +563,4 @@ fn image_medium(gpu: &Gpu, buffers: &ImageBuffers, volume: &ContextVolume) -> Re
     };
     let tables = buffers.tables();
     Medium::new(gpu, &field.grid, |cell| tables.extinction_at(&field, cell))
-}
-
-fn grid_uniform(held: &ImageLight, camera: &Camera, reference_mm: f64) -> LightGrid {
-    let grid = &held.medium.grid;
-    let [corner, right, up, forward] = index_axes(camera, reference_mm, grid);
-    // In camera space: the origin of index space, and one voxel along each axis.
-    let world = grid.world_from_voxel();
-    let at = |index: DVec3| in_camera_space(camera, reference_mm, world.transform_point3(index - 0.5));
-    let zero = at(DVec3::ZERO);
-    let axes = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| at(axis) - zero);
-    let row = |n: usize| [axes[0][n] as f32, axes[1][n] as f32, axes[2][n] as f32, zero[n] as f32];
-    LightGrid {
-        cells: held.cells.dims.map(|d| d as u32),
-        needed: held.needed_count,
-        scale: held.cells.voxels.map(|v| 1.0 / v as f32),
-        corner,
-        right,
-        up,
-        forward,
-        right_from_index: row(0),
-        up_from_index: row(1),
-        depth_from_index: row(2),
-        ..LightGrid::default()
-    }
 }

@@ -1,6 +1,11 @@
 //! Uniforms with the memory layout of the shaders. A test compares every offset with naga's.
 
 use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
+use glioscope_core::{Grid, optics::Camera};
+
+use super::grid::Cells;
+use crate::solid::view::{in_camera_space, index_axes};
 
 /// `Level` of lib/cones.
 #[repr(C)]
@@ -56,6 +61,31 @@ pub(crate) struct LightGrid {
     pub right_from_index: [f32; 4],
     pub up_from_index: [f32; 4],
     pub depth_from_index: [f32; 4],
+}
+
+impl LightGrid {
+    /// Cells of an image's grid, seen by a camera; no strength, and no cell is needed.
+    pub fn of(grid: &Grid, cells: &Cells, camera: &Camera, reference_mm: f64) -> Self {
+        let [corner, right, up, forward] = index_axes(camera, reference_mm, grid);
+        // In camera space: the origin of index space, and one voxel along each axis.
+        let world = grid.world_from_voxel();
+        let at = |index: DVec3| in_camera_space(camera, reference_mm, world.transform_point3(index - 0.5));
+        let zero = at(DVec3::ZERO);
+        let axes = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| at(axis) - zero);
+        let row = |n: usize| [axes[0][n] as f32, axes[1][n] as f32, axes[2][n] as f32, zero[n] as f32];
+        Self {
+            cells: cells.dims.map(|d| d as u32),
+            scale: cells.voxels.map(|v| 1.0 / v as f32),
+            corner,
+            right,
+            up,
+            forward,
+            right_from_index: row(0),
+            up_from_index: row(1),
+            depth_from_index: row(2),
+            ..Self::default()
+        }
+    }
 }
 
 /// `LightPart` of cones/image.

@@ -8,6 +8,7 @@
 //! Lifetimes: pipelines are created when first needed; the eye's buffer (24 bytes per pixel, near right angles 40) once per
 //! size, the light's (16 bytes per texel, near right angles 32) whenever it grows; the uniforms of the slabs once per frame.
 
+pub(crate) mod lamp;
 pub(crate) mod plan;
 #[cfg(test)]
 mod plan_tests;
@@ -20,8 +21,9 @@ pub(crate) mod uniforms;
 use glam::DVec3;
 
 use self::{
+    lamp::{LAMP, LAMP_THROUGH_IMAGE, LampLight},
     plan::{Case, HalfAnglePlan, Requested, turned},
-    uniforms::{Finish, Lamp, Slab, Texel},
+    uniforms::{Finish, Slab, Texel},
 };
 use super::{
     lit::{Light, LightRow, LightWork, LitImage, LitKind, LitScene, Opaque, no_strength},
@@ -45,10 +47,6 @@ pub(crate) const BEGIN: PassName = PassName::new("half_angle_begin");
 pub(crate) const HALF_ANGLE: PassName = PassName::new("half_angle");
 /// Converts the slabs' result to the ray march's format.
 pub(crate) const FINISH: PassName = PassName::new("half_angle_finish");
-/// The lamp's light on opaque geometry, past the masks.
-pub(crate) const LAMP: PassName = PassName::new("lamp");
-/// What the context image transmits of it.
-pub(crate) const LAMP_THROUGH_IMAGE: PassName = PassName::new("lamp_through_image");
 
 pub(super) const ROW: LightRow = LightRow {
     mode: LightingMode::HalfAngle,
@@ -125,7 +123,7 @@ struct HalfAngleLight {
     /// The light's buffer, and the texels that there is room for.
     lights: Option<(wgpu::Buffer, u64)>,
     finish: wgpu::Buffer,
-    lamp: wgpu::Buffer,
+    lamp: LampLight,
     /// For views without bricks.
     placeholder: wgpu::Buffer,
     work: Option<LightWork>,
@@ -148,11 +146,11 @@ impl Light for HalfAngleLight {
         if let Some(image) = scene.image.filter(|_| plan.has(HALF_ANGLE)) {
             let slabs = self.plan(scene, &image, light);
             self.bind_slabs(gpu, passes, scene, &image, (&slabs, light))?;
-            self.bind_lamp(gpu, passes, plan, scene, (light, slabs.slab_mm))?;
+            self.lamp.bind(gpu, passes, plan, scene, (light, slabs.slab_mm))?;
             notes = slabs.notes;
         } else {
             (self.buffers, self.lights) = (None, None);
-            self.bind_lamp(gpu, passes, plan, scene, (light, 1.0))?;
+            self.lamp.bind(gpu, passes, plan, scene, (light, 1.0))?;
         }
         Ok(notes)
     }
@@ -234,7 +232,7 @@ impl HalfAngleLight {
             buffers: None,
             lights: None,
             finish: gpu.uniform::<Finish>("HalfAngleLight::finish"),
-            lamp: gpu.uniform::<Lamp>("HalfAngleLight::lamp"),
+            lamp: LampLight::new(gpu),
             placeholder: gpu.buffer("HalfAngleLight::placeholder", 16, WRITTEN),
             work: None,
             #[cfg(test)]
@@ -383,56 +381,11 @@ impl HalfAngleLight {
         let texels = u64::from(plan.texels[0]) * u64::from(plan.texels[1]) * layers;
         if self.lights.as_ref().is_none_or(|(_, room)| *room < texels) {
             self.lights = None;
-            let bytes = gpu.check_size("light of the lamp", size_of::<Texel>() as u64 * texels)?;
+            let bytes = size_of::<Texel>() as u64 * texels;
+            gpu.check_size("light of the lamp", bytes)?;
             self.lights = Some((gpu.buffer("HalfAngleLight::lights", bytes, WRITTEN), texels));
         }
         gpu.check()
-    }
-
-    /// Binds the passes of opaque geometry that are in `plan`.
-    ///
-    /// # Errors
-    /// [`RenderError::Shader`].
-    fn bind_lamp(
-        &mut self,
-        gpu: &Gpu,
-        passes: &mut PassRunner,
-        plan: &Plan,
-        scene: &LitScene<'_>,
-        (light, step_mm): (DVec3, f64),
-    ) -> Result<(), RenderError> {
-        if !plan.has(LAMP) {
-            return Ok(());
-        }
-        let lamp = Lamp { light: light.as_vec3().to_array(), step_mm: step_mm as f32 };
-        gpu.queue.write_buffer(&self.lamp, 0, bytemuck::bytes_of(&lamp));
-        let flag = |on: bool| f64::from(u8::from(on));
-        let [bricks, words] = scene.bricks.unwrap_or([&self.placeholder; 2]);
-        let both = [
-            (0, scene.view.as_entire_binding()),
-            (4, scene.depths.as_entire_binding()),
-            (7, scene.occlusion.as_entire_binding()),
-            (8, scene.blurred.as_entire_binding()),
-            (36, self.lamp.as_entire_binding()),
-        ];
-        let of_masks = [
-            (1, bricks.as_entire_binding()),
-            (2, words.as_entire_binding()),
-            (3, scene.colors.as_entire_binding()),
-            (40, scene.normals.as_entire_binding()),
-        ];
-        let constants = [
-            ("stored_normals", flag(scene.has_normals)),
-            ("stepped", flag(scene.bricks.is_some())),
-            ("past_masks", flag(scene.bricks.is_some())),
-        ];
-        let shader = Shader { file: "half_angle/lamp", constants: &constants };
-        let workgroups = workgroups_of(scene.size);
-        passes.bind(gpu, LAMP, shader, &[&both[..], &of_masks].concat(), workgroups)?;
-        let Some(image) = scene.image.filter(|_| plan.has(LAMP_THROUGH_IMAGE)) else { return Ok(()) };
-        let constants = image.buffers.tables().dimensions.constants();
-        let shader = Shader { file: "half_angle/lamp_through_image", constants: &constants };
-        passes.bind(gpu, LAMP_THROUGH_IMAGE, shader, &[&both[..], &image.entries()].concat(), workgroups)
     }
 
     /// The pipeline of a kind, compiled when first needed.

@@ -36,17 +36,17 @@ struct Texel {
 }
 
 impl LampTwin<'_> {
-    fn turned(&self, v: DVec3) -> DVec3 {
+    pub fn turned(&self, v: DVec3) -> DVec3 {
         self.sight.right * v.x + self.sight.up * v.y + self.sight.forward * v.z
     }
 
     /// A point of camera space.
-    fn world(&self, c: DVec3) -> DVec3 {
+    pub fn world(&self, c: DVec3) -> DVec3 {
         self.sight.eye_mm + self.turned(c + DVec3::Z * self.reference_mm)
     }
 
     /// The interval of a ray in the image's box, behind the eye's plane, not clipped.
-    fn span(&self, ray: &Ray) -> (f64, f64) {
+    pub fn span(&self, ray: &Ray) -> (f64, f64) {
         let Some(volume) = &self.scene.volume else { return (0.0, 0.0) };
         let (mut near, mut far) = box_interval(volume.grid(), ray);
         let eye = (-self.sight.forward, -self.sight.forward.dot(self.sight.eye_mm));
@@ -64,7 +64,7 @@ impl LampTwin<'_> {
     }
 
     /// Extinction per millimetre at a point; 0 in and before the masks' box.
-    fn extinction(&self, at_mm: DVec3) -> f64 {
+    pub fn extinction(&self, at_mm: DVec3) -> f64 {
         let sight = match self.sight.growth() > 0.0 {
             true => at_mm - self.sight.eye_mm,
             false => self.sight.forward * self.sight.depth_mm(at_mm),

@@ -1,0 +1,165 @@
+//! Shadow volume propagation against closed forms and the exact integral; turning lights.
+
+use std::sync::Arc;
+
+use glam::{DVec2, DVec3};
+use glioscope_core::optics::{Projection, Ray, Sight, march::converged, medium::Medium};
+use rayon::prelude::*;
+
+use super::{
+    plan::{Sweep, sweeps},
+    twin::cells_of,
+    twin_tests::{lamp, lit},
+};
+use crate::{
+    ContextRenderer, ContextScene,
+    image::{ControlPoint, TransferFunction},
+    light::{
+        cones::grid::Cells,
+        half_angle::{plan::turned, twin::LampTwin},
+        suite::{cubic, image_of, scene},
+    },
+    scene::{Lamp, LampFrame, Quality},
+    testing::GPU,
+};
+
+/// The image of a frame in linear light, unlit tissue black.
+fn drawn(
+    renderer: &mut ContextRenderer,
+    scene: &ContextScene,
+    quality: &Quality,
+    size: [u32; 2],
+) -> Vec<[f64; 4]> {
+    let quality = Quality { occlusion_strength: 1.0, context_step_mm: 0.25, ..*quality };
+    let frame = renderer.render(&GPU, scene, &quality, size).unwrap();
+    frame.read_marched(&GPU).iter().map(|m| m.rgba()).collect()
+}
+
+/// A homogeneous cube lit along its axis has its closed form in every cell, for any cells.
+#[test]
+fn light_along_an_axis_has_its_closed_form() {
+    let grid = cubic(20, DVec3::ONE);
+    let points = [0.0, 1e6].map(|value| ControlPoint { value, color: [255; 3], opacity: 0.1 }).to_vec();
+    let cube = ContextScene {
+        volume: Some(image_of(&grid, vec![50.0; grid.voxel_count()])),
+        transfer: Arc::new(TransferFunction::new(points, None).unwrap()),
+        ..scene(false, false, Projection::Orthographic)
+    };
+    let mut renderer = ContextRenderer::new(&GPU).unwrap();
+    // In front of the face: light travels backwards, along -y.
+    let front = Lamp { frame: LampFrame::Patient, azimuth_deg: 0.0, elevation_deg: 0.0 };
+    for cell_mm in [1.0, 2.0, 5.0] {
+        drawn(&mut renderer, &cube, &lit(front, cell_mm), [9, 9]);
+        let [light, _] = renderer.lights().probe().grid.unwrap();
+        let found: Vec<[f32; 2]> =
+            bytemuck::pod_collect_to_vec(&GPU.read_buffers(&[(light, 0, light.size())]).unwrap()[0]);
+        let cells = Cells::new(&grid, cell_mm);
+        for (n, light) in found.iter().enumerate() {
+            let y = (n / cells.dims[0] % cells.dims[1]) as f64;
+            let expected = 0.9f64.powf(20.0 - (y + 0.5) * cell_mm);
+            assert!((f64::from(light[0]) - expected).abs() < 1e-5, "{cell_mm} {n}: {light:?} {expected}");
+        }
+    }
+}
+
+/// Root mean square difference from the exact integral of the same light, of pixels with opacity above 0.01.
+fn error(found: &[[f64; 4]], truth: &[DVec3]) -> f64 {
+    let (mut sum, mut n) = (0.0, 0.0);
+    for (found, truth) in found.iter().zip(truth).filter(|(f, _)| f[3] > 0.01) {
+        sum += (DVec3::new(found[0], found[1], found[2]) - *truth).length_squared();
+        n += 3.0;
+    }
+    assert!(n > 300.0, "{n}");
+    f64::sqrt(sum / n)
+}
+
+/// In docs/studies.md.
+#[test]
+fn smaller_cells_converge_to_the_exact_integral() {
+    let size = [24, 22];
+    let scene = scene(false, false, Projection::Perspective);
+    let medium = scene.medium().unwrap();
+    let mut renderer = ContextRenderer::new(&GPU).unwrap();
+    for lamp in [lamp(-45.0, 45.0), lamp(89.0, 0.0), lamp(130.0, -20.0)] {
+        let towards = lamp.direction(&scene.camera);
+        let light = |at_mm: DVec3| {
+            (-medium.thickness(&Ray { origin_mm: at_mm, direction: towards }, f64::INFINITY)).exp()
+        };
+        let truth: Vec<DVec3> = (0..size[0] * size[1])
+            .into_par_iter()
+            .map(|i| {
+                let pixel = DVec2::new(f64::from(i % size[0]), f64::from(i / size[0])) + 0.5;
+                let ray = scene.camera.ray(pixel, DVec2::new(f64::from(size[0]), f64::from(size[1])));
+                converged(&medium, &ray, 1.0, 1e-4, &light, DVec3::ZERO).radiance
+            })
+            .collect();
+        let found = [8.0, 4.0, 2.0, 1.0].map(|mm| {
+            let begin = std::time::Instant::now();
+            let picture = drawn(&mut renderer, &scene, &lit(lamp, mm), size);
+            let work = renderer.light_work().unwrap();
+            println!("{mm} mm: {work:?}, {:.1} ms", begin.elapsed().as_secs_f64() * 1e3);
+            error(&picture, &truth)
+        });
+        println!("{lamp:?}: {found:.5?}");
+        assert!(found.windows(2).all(|pair| pair[1] < pair[0]), "{lamp:?}: {found:?}");
+        assert!(found[3] < found[0] / 3.0 && found[3] < 0.01, "{lamp:?}: {found:?}");
+    }
+}
+
+/// A lamp that turns about the patient through the direction between two axes, where the published scheme changes its axis: no
+/// frame differs from the one before it by more than frames do elsewhere.
+#[test]
+fn a_turning_lamp_does_not_pop_between_axes() {
+    let size = [48, 44];
+    let scene = scene(false, false, Projection::Perspective);
+    let grid = scene.volume.as_ref().unwrap().grid();
+    let cells = Cells::new(grid, 4.0);
+    let step_deg = 0.5;
+    let at = |deg: f64| Lamp { frame: LampFrame::Patient, azimuth_deg: deg, elevation_deg: 0.0 };
+    let count = |deg: f64| sweeps(grid, &cells, -at(deg).direction(&scene.camera)).len();
+    assert_eq!((count(0.0), count(45.0), count(90.0)), (1, 2, 1));
+    let mut renderer = ContextRenderer::new(&GPU).unwrap();
+    let mut frame = |deg: f64| {
+        let picture = drawn(&mut renderer, &scene, &lit(at(deg), 4.0), size);
+        let [light, _] = renderer.lights().probe().grid.unwrap();
+        let bytes = GPU.read_buffers(&[(light, 0, light.size())]).unwrap();
+        let light: Vec<[f32; 2]> = bytemuck::pod_collect_to_vec(&bytes[0]);
+        let picture: Vec<f64> = picture.iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
+        (deg, picture, light.iter().map(|l| f64::from(l[0])).collect::<Vec<f64>>())
+    };
+    let frames: Vec<_> = (0..=180).map(|n| frame(step_deg * f64::from(n))).collect();
+    let change = |a: &[f64], b: &[f64]| {
+        (a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / a.len() as f64).sqrt()
+    };
+    let most = |mixed: bool, of: &dyn Fn(usize) -> f64| {
+        let is_mixed = |n: usize| count(frames[n].0) > 1 || count(frames[n + 1].0) > 1;
+        (0..180).filter(|n| is_mixed(*n) == mixed).map(of).fold(0.0, f64::max)
+    };
+    let of_picture = |n: usize| change(&frames[n].1, &frames[n + 1].1);
+    let of_cells = |n: usize| change(&frames[n].2, &frames[n + 1].2);
+    // What a change of the axis at once would show, with or without hysteresis.
+    let sight = Sight::new(&scene.camera, size);
+    let towards = at(45.0).direction(&scene.camera);
+    let twin = LampTwin {
+        scene: &scene,
+        sight: &sight,
+        reference_mm: scene.reference_mm(),
+        light: -turned(&scene.camera, towards),
+        voxels: None,
+        shift_mm: 0.0,
+    };
+    let [first, second] = [0, 1].map(|n| {
+        let one = Sweep { weight: 1.0, ..sweeps(grid, &cells, -towards)[n] };
+        cells_of(&twin, grid, &cells, &[one]).iter().map(|l| l[0]).collect::<Vec<f64>>()
+    });
+    let jump = change(&first, &second);
+    println!(
+        "picture: at most {:.6} where sweeps are mixed, {:.6} elsewhere; cells: {:.6}, {:.6}; {jump:.6} at once",
+        most(true, &of_picture),
+        most(false, &of_picture),
+        most(true, &of_cells),
+        most(false, &of_cells)
+    );
+    assert!(most(true, &of_picture) <= 1.25 * most(false, &of_picture));
+    assert!(most(true, &of_cells) <= 1.25 * most(false, &of_cells) && jump > 2.0 * most(false, &of_cells));
+}

@@ -1,0 +1,90 @@
+//! Light kept in cells of the context image, which its ray march looks up: what modes share that fill such cells.
+//!
+//! Lifetimes: the cells (8 bytes each) once per image and cell size; the uniform once per frame.
+
+use glioscope_core::Grid;
+
+use super::{
+    cones::{GRID_BINDINGS, grid::Cells, uniforms::LightGrid},
+    lit::{LitImage, LitMarch, LitScene},
+};
+use crate::device::{Gpu, RenderError, buffers::WRITTEN};
+
+struct Held {
+    grid: Grid,
+    cell_mm: f64,
+    cells: Cells,
+    /// For each cell what the image lets through, and what both the image and opaque geometry do.
+    light: wgpu::Buffer,
+}
+
+/// The cells on the device.
+pub(crate) struct CellLight {
+    uniform: wgpu::Buffer,
+    held: Option<Held>,
+}
+
+impl CellLight {
+    pub fn new(gpu: &Gpu) -> Self {
+        Self { uniform: gpu.uniform::<LightGrid>("CellLight::uniform"), held: None }
+    }
+
+    /// Frees the cells.
+    pub fn release(&mut self) {
+        self.held = None;
+    }
+
+    /// Room for the cells of an image in this frame, and their uniform.
+    ///
+    /// # Errors
+    /// [`RenderError`]: they don't fit.
+    pub fn reserve(
+        &mut self,
+        gpu: &Gpu,
+        scene: &LitScene<'_>,
+        image: &LitImage<'_>,
+    ) -> Result<(), RenderError> {
+        let (grid, cell_mm) = (&image.buffers.shape().grid, scene.quality.lighting.cell_mm);
+        let known = self.held.take().filter(|held| held.grid == *grid && held.cell_mm == cell_mm);
+        let held = match known {
+            Some(held) => held,
+            None => {
+                let cells = Cells::new(grid, cell_mm);
+                let bytes = 8 * cells.count() as u64;
+                gpu.check_size("cells of light", bytes)?;
+                let light = gpu.buffer("CellLight::light", bytes, WRITTEN);
+                Held { grid: grid.clone(), cell_mm, cells, light }
+            }
+        };
+        let uniform = LightGrid {
+            needed: held.cells.count() as u32,
+            strength: scene.quality.strength(),
+            ..LightGrid::of(grid, &held.cells, scene.camera, scene.reference_mm)
+        };
+        gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));
+        self.held = Some(held);
+        Ok(())
+    }
+
+    /// The cells of the last frame, if it has any.
+    pub fn cells(&self) -> Option<&Cells> {
+        self.held.as_ref().map(|held| &held.cells)
+    }
+
+    /// The light of the cells, and their uniform, at the binding numbers of lib/light_grid.
+    pub fn entries(&self) -> Option<[(u32, wgpu::BindingResource<'_>); 2]> {
+        let [light, uniform] = self.buffers()?;
+        let [to_light, to_uniform] = GRID_BINDINGS;
+        Some([(to_light, light.as_entire_binding()), (to_uniform, uniform.as_entire_binding())])
+    }
+
+    /// The ray march that looks them up.
+    pub fn lit_march(&self) -> Option<LitMarch<'_>> {
+        Some(LitMarch { shader: "cones/march", entries: self.entries()?.to_vec() })
+    }
+
+    /// The light of the cells, and their uniform.
+    pub fn buffers(&self) -> Option<[&wgpu::Buffer; 2]> {
+        self.held.as_ref().map(|held| [&held.light, &self.uniform])
+    }
+}

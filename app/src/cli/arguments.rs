@@ -212,13 +212,13 @@ pub struct LightArguments {
     /// Quality preset; default: reference.
     #[arg(long, value_name = "PRESET", value_parser = keyword::<Preset>())]
     pub quality: Option<Preset>,
-    /// Half the opening angle of the cone that light comes from, in degrees: 0 to 85.
+    /// Half the opening angle of the cone that light comes from, about the eye or (spherical harmonics) the lamp, in degrees: 0 to 85.
     #[arg(long, value_name = "DEG", value_parser = parse::within(0.0..=85.0), allow_hyphen_values = true)]
     pub aperture: Option<f64>,
-    /// Half-angle, shadow volume: where the lamp stands, in degrees: AZIMUTH,ELEVATION. To the viewer's right and upwards; 0,0 is at the eye.
+    /// Half-angle, shadow volume, spherical harmonics: where the lamp stands, in degrees: AZIMUTH,ELEVATION. To the viewer's right and upwards; 0,0 is at the eye.
     #[arg(long, value_name = "AZ,EL", value_parser = parse::lamp, allow_hyphen_values = true)]
     pub lamp: Option<[f64; 2]>,
-    /// Half-angle, shadow volume: what the lamp stands still to. For the patient its angles are those of `--camera`.
+    /// Half-angle, shadow volume, spherical harmonics: what the lamp stands still to. For the patient its angles are those of `--camera`.
     #[arg(long, value_name = "FRAME", value_parser = keyword::<LampFrame>())]
     pub lamp_frame: Option<LampFrame>,
     /// Slices: how occlusion is propagated; paper: with approximate distances.
@@ -230,9 +230,21 @@ pub struct LightArguments {
     /// Slices, half-angle: distance between slices.
     #[arg(long, value_name = "MM", value_parser = parse::above_zero(100.0), allow_hyphen_values = true)]
     pub slice_mm: Option<f64>,
-    /// Cones, shadow volume: side of the cells of the image in which light is kept.
+    /// Cones, shadow volume, spherical harmonics, dynamic ambient: side of the cells of the image in which light is kept.
     #[arg(long, value_name = "MM", value_parser = parse::above_zero(100.0), allow_hyphen_values = true)]
     pub cell_mm: Option<f64>,
+    /// Spherical harmonics: order of the functions, 0 to 5.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=5))]
+    pub sky_order: Option<u32>,
+    /// Spherical harmonics: directions in which light is looked for, 1 to 128.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=128))]
+    pub sky_directions: Option<u32>,
+    /// Spherical harmonics: share of the light that comes from everywhere, 0 to 1; the rest comes from around the lamp.
+    #[arg(long, value_name = "SHARE", value_parser = parse::within(0.0..=1.0), allow_hyphen_values = true)]
+    pub sky_share: Option<f64>,
+    /// Dynamic ambient: clusters of surroundings, 1 to 1024.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub clusters: Option<u32>,
     /// Slices: pairs A-B where A darkens B, of image-image, opaque-image, image-opaque and opaque-opaque; or none.
     #[arg(long, value_name = "A-B,...", value_parser = parse::darkens)]
     pub darkens: Option<MutualOcclusion>,

@@ -30,7 +30,9 @@ pub(super) fn light(arguments: &LightArguments, base: &LightChoice) -> LightChoi
         },
     };
     let is_preset = slices.is_none() && footprint.is_none() && slice_mm.is_none();
-    if is_preset && cell_mm.is_none() && darkens.is_none() {
+    let LightArguments { sky_order, sky_directions, sky_share, clusters, .. } = *arguments;
+    let is_sky = sky_order.is_some() || sky_directions.is_some() || sky_share.is_some();
+    if is_preset && cell_mm.is_none() && !is_sky && clusters.is_none() && darkens.is_none() {
         return choice;
     }
     let preset = light::preset(choice.mode, choice.preset.unwrap_or(Preset::Reference)).lighting;
@@ -44,6 +46,10 @@ pub(super) fn light(arguments: &LightArguments, base: &LightChoice) -> LightChoi
             .filter(|_| choice.mode == LightingMode::HalfAngle)
             .unwrap_or(preset.lamp_texel_mm),
         cell_mm: cell_mm.unwrap_or(preset.cell_mm),
+        sky_order: sky_order.unwrap_or(preset.sky_order),
+        sky_directions: sky_directions.unwrap_or(preset.sky_directions),
+        sky_share: sky_share.unwrap_or(preset.sky_share),
+        clusters: clusters.unwrap_or(preset.clusters),
         mutual: darkens.unwrap_or(preset.mutual),
         ..preset
     });

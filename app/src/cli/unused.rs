@@ -87,6 +87,10 @@ pub(super) fn without_effect_on_light(arguments: &LightArguments, choice: &Light
         ("--slices", a.slices.is_some(), choice.mode == LightingMode::Slices),
         ("--footprint", a.footprint.is_some(), choice.mode == LightingMode::Slices),
         ("--slice-mm", a.slice_mm.is_some(), choice.has_slices()),
+        ("--sky-order", a.sky_order.is_some(), choice.mode == LightingMode::SphericalHarmonics),
+        ("--sky-directions", a.sky_directions.is_some(), choice.mode == LightingMode::SphericalHarmonics),
+        ("--sky-share", a.sky_share.is_some(), choice.mode == LightingMode::SphericalHarmonics),
+        ("--clusters", a.clusters.is_some(), choice.mode == LightingMode::DynamicAmbient),
         ("--cell-mm", a.cell_mm.is_some(), choice.has_cells()),
     ];
     let unused = table.into_iter().filter(|(_, given, has_effect)| *given && !has_effect);
@@ -142,8 +146,11 @@ mod tests {
         assert_eq!(unused(LightingMode::HalfAngle, &lamp), ["--aperture", "--occlusion-mm"]);
         assert_eq!(unused(LightingMode::Slices, &lamp), ["--lamp", "--occlusion-mm"]);
         let cells =
-            LightArguments { cell_mm: Some(3.0), slice_mm: None, smooth: false, occlusion_mm: None, ..lamp };
-        assert_eq!(unused(LightingMode::ShadowVolume, &cells), ["--aperture"]);
-        assert_eq!(unused(LightingMode::HalfAngle, &cells), ["--aperture", "--cell-mm"]);
+            LightArguments { cell_mm: Some(3.0), sky_order: Some(2), clusters: Some(9), slice_mm: None, smooth: false, occlusion_mm: None, ..lamp };
+        let rest = ["--sky-order", "--clusters", "--cell-mm"];
+        assert_eq!(unused(LightingMode::HalfAngle, &cells), [&["--aperture"], &rest[..]].concat());
+        assert_eq!(unused(LightingMode::ShadowVolume, &cells), ["--aperture", "--sky-order", "--clusters"]);
+        assert_eq!(unused(LightingMode::SphericalHarmonics, &cells), ["--clusters"]);
+        assert_eq!(unused(LightingMode::DynamicAmbient, &cells), ["--aperture", "--lamp", "--sky-order"]);
     }
 }

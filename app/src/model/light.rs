@@ -105,7 +105,8 @@ impl LightChoice {
 
     /// Whether the mode keeps light in cells of [`LightSettings::cell_mm`].
     pub fn has_cells(&self) -> bool {
-        matches!(self.mode, LightingMode::Cones | LightingMode::ShadowVolume)
+        use LightingMode::{Cones, DynamicAmbient, ShadowVolume, SphericalHarmonics};
+        matches!(self.mode, Cones | ShadowVolume | SphericalHarmonics | DynamicAmbient)
     }
 
     /// The quality of views at rest and of exported files: the preset, or the reference without one.

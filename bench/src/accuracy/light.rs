@@ -127,7 +127,9 @@ fn off_path(mode: LightingMode, effort: Effort) -> Vec<(String, Quality)> {
             | LightingMode::Horizon
             | LightingMode::Traced
             | LightingMode::HalfAngle
-            | LightingMode::ShadowVolume => {}
+            | LightingMode::ShadowVolume
+            | LightingMode::SphericalHarmonics
+            | LightingMode::DynamicAmbient => {}
             LightingMode::Slices => {
                 for mm in [4.0, 2.0, 1.4, 1.0, 0.7, 0.5] {
                     add(base, format!("pixels {scale}, {mm} mm"), &|l| l.slice_mm = mm);
@@ -152,7 +154,9 @@ fn off_path(mode: LightingMode, effort: Effort) -> Vec<(String, Quality)> {
             | LightingMode::Horizon
             | LightingMode::Traced
             | LightingMode::HalfAngle
-            | LightingMode::ShadowVolume => {}
+            | LightingMode::ShadowVolume
+            | LightingMode::SphericalHarmonics
+            | LightingMode::DynamicAmbient => {}
             LightingMode::Slices => {
                 for grid in [3, 5] {
                     add(base, format!("{name}, footprint {grid}x{grid}"), &|l| l.slice_grid = grid);

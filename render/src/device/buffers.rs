@@ -60,6 +60,15 @@ impl Gpu {
     }
 }
 
+/// The first bytes of a buffer, from which dynamic offsets count.
+pub(crate) fn at_offset(buffer: &wgpu::Buffer, bytes: u64) -> wgpu::BindingResource<'_> {
+    wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+        buffer,
+        offset: 0,
+        size: wgpu::BufferSize::new(bytes),
+    })
+}
+
 /// A storage buffer that is reallocated when it is too small.
 pub(crate) struct GrowingBuffer {
     what: &'static str,

@@ -104,6 +104,8 @@ pub(crate) struct PassRunner {
     bound: Vec<Bound>,
     timer: Option<Timer>,
     parts: Parts,
+    /// Passes that the last frame ran to their end.
+    completed: Vec<PassName>,
 }
 
 /// Progress of a frame that is run in parts.
@@ -171,7 +173,7 @@ impl PassRunner {
             }
         });
         let parts = Parts::default();
-        let mut runner = Self { compute: Vec::new(), raster: Vec::new(), bound: Vec::new(), timer, parts };
+        let mut runner = Self { compute: Vec::new(), raster: Vec::new(), bound: Vec::new(), timer, parts, completed: Vec::new() };
         for file in shaders {
             runner.pipeline(gpu, file.into())?;
         }
@@ -180,8 +182,14 @@ impl PassRunner {
 
     /// Forgets the last frame's passes.
     pub fn clear(&mut self) {
+        self.completed = self.bound.iter().take(self.parts.next.0).map(|bound| bound.pass).collect();
         self.bound.clear();
         self.parts = Parts { chunk: self.parts.chunk, ..Parts::default() };
+    }
+
+    /// Whether the last frame ran this pass to its end: frames in parts may be dropped before.
+    pub fn completed(&self, pass: PassName) -> bool {
+        self.completed.contains(&pass)
     }
 
     /// Binds `entries` to `pass`, which runs after the passes bound before it.
@@ -332,7 +340,7 @@ impl PassRunner {
     }
 
     /// Submits every bound pass, in order.
-    pub fn run(&self, gpu: &Gpu) {
+    pub fn run(&mut self, gpu: &Gpu) {
         let mut encoder = gpu
             .device
             .create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("PassRunner::run") });
@@ -345,6 +353,7 @@ impl PassRunner {
             encoder.copy_buffer_to_buffer(&timer.resolved, 0, &timer.staging, 0, timer.staging.size());
         }
         gpu.queue.submit([encoder.finish()]);
+        self.parts.next = (self.bound.len(), 0);
     }
 
     /// Resumes the bound passes for about `milliseconds`, a pass or some of its steps at a time, and waits for them.

@@ -1,6 +1,5 @@
 //! A transfer function as tables over stored values, as the device and its twins look it up.
 
-use glam::DVec3;
 use rayon::prelude::*;
 
 use super::{
@@ -197,29 +196,18 @@ impl Tables {
         }
     }
 
+    /// Extinction per millimetre at a stored value and a gradient of stored values per mm.
+    pub fn extinction(&self, stored: f64, steepness: f64) -> f64 {
+        -(1.0 - self.opacity(stored, || steepness)).max(1e-30).ln()
+    }
+
     /// Extinction per millimetre at a voxel's centre, as in lib/image; 0 where the image is not finite.
     pub fn extinction_at(&self, field: &Field, cell: [usize; 3]) -> f64 {
-        let dims = field.grid.dims();
-        let value =
-            |cell: [usize; 3]| field.values.get(field.grid.linear(cell)).copied().unwrap_or(NOT_FINITE);
-        let own = value(cell);
+        let own = field.values.get(field.grid.linear(cell)).copied().unwrap_or(NOT_FINITE);
         if own <= NOT_FINITE {
             return 0.0;
         }
-        let steepness = || {
-            let axis = |a: usize| {
-                let at = |c: usize| {
-                    let mut there = cell;
-                    there[a] = c;
-                    f64::from(value(there))
-                };
-                let (low, high) = (cell[a].saturating_sub(1), (cell[a] + 1).min(dims[a] - 1));
-                // Edge voxels extend: the distance is two voxels there too.
-                0.5 * (at(high) - at(low))
-            };
-            let difference = DVec3::new(axis(0), axis(1), axis(2));
-            (field.grid.voxel_from_world().matrix3.transpose() * difference).length()
-        };
+        let steepness = || field.steepness(cell);
         -(1.0 - self.opacity(f64::from(own), steepness)).max(1e-30).ln()
     }
 }

@@ -127,6 +127,24 @@ impl Field {
         None
     }
 
+    /// Gradient magnitude at a voxel's centre, stored values per millimetre, as in lib/image; huge beside a value that isn't
+    /// finite.
+    pub fn steepness(&self, cell: [usize; 3]) -> f64 {
+        let dims = self.grid.dims();
+        let axis = |a: usize| {
+            let at = |c: usize| {
+                let mut there = cell;
+                there[a] = c;
+                f64::from(self.values.get(self.grid.linear(there)).copied().unwrap_or(NOT_FINITE))
+            };
+            let (low, high) = (cell[a].saturating_sub(1), (cell[a] + 1).min(dims[a] - 1));
+            // Edge voxels extend: the distance is two voxels there too.
+            0.5 * (at(high) - at(low))
+        };
+        let difference = DVec3::new(axis(0), axis(1), axis(2));
+        (self.grid.voxel_from_world().matrix3.transpose() * difference).length()
+    }
+
     /// Bricks along each axis.
     pub fn brick_dims(&self) -> [usize; 3] {
         self.grid.dims().map(|d| d.saturating_sub(1).max(1).div_ceil(BRICK))

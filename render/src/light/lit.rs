@@ -7,7 +7,7 @@ use glioscope_core::{RegionVolume, Selection, optics::Camera};
 
 use crate::{
     device::{Gpu, PassName, RenderError, runner::PassRunner},
-    image::{ContextVolume, TransferFunction, buffers::ImageBuffers},
+    image::{ClipPlane, ContextVolume, TransferFunction, buffers::ImageBuffers},
     scene::{LightingMode, Plan, Quality},
 };
 
@@ -37,6 +37,7 @@ pub(crate) struct LitImage<'a> {
     pub buffers: &'a ImageBuffers,
     pub volume: &'a Arc<ContextVolume>,
     pub transfer: &'a Arc<TransferFunction>,
+    pub clip: &'a [ClipPlane],
     /// Its uniform, `Context` of lib/image.
     pub context: &'a wgpu::Buffer,
 }

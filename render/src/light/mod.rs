@@ -6,7 +6,9 @@ pub(crate) mod cones;
 mod frame_error;
 #[cfg(test)]
 mod frame_error_tests;
+pub(crate) mod dynamic_ambient;
 pub(crate) mod half_angle;
+pub(crate) mod harmonics;
 pub(crate) mod horizon;
 pub(crate) mod kernel;
 pub(crate) mod layers;
@@ -34,7 +36,7 @@ use lit::{Light, LitKind, LitMarch, LitScene, Measured};
 
 /// One row per [`LightingMode`], in its order, which is also the order of menus.
 pub const LIGHTS: [LightRow; LightingMode::VARIANTS.len()] =
-    [screen::ROW, horizon::ROW, traced::ROW, slices::ROW, cones::ROW, half_angle::ROW, shadow_volume::ROW];
+    [screen::ROW, horizon::ROW, traced::ROW, slices::ROW, cones::ROW, half_angle::ROW, shadow_volume::ROW, harmonics::ROW, dynamic_ambient::ROW];
 
 const _: () = {
     let mut at = 0;

@@ -44,6 +44,10 @@ keywords! {
         HalfAngle,
         /// Shadows of one placed lamp, carried through cells of the image.
         ShadowVolume,
+        /// Light of a sky about a placed lamp, by spherical harmonics.
+        SphericalHarmonics,
+        /// Ambient occlusion of tissue by histograms of what is around, known before any transfer function.
+        DynamicAmbient,
     }
 }
 
@@ -154,8 +158,8 @@ impl MutualOcclusion {
 pub struct LightSettings {
     /// Lighting mode.
     pub mode: LightingMode,
-    /// Half the opening angle of the cone that light arrives through, around the direction to the eye; degrees, 0
-    /// to 85.
+    /// Half the opening angle of the cone that light arrives through, around the direction to the eye, or with spherical
+    /// harmonics to the lamp; degrees, 0 to 85.
     pub aperture_deg: f64,
     /// How occlusion is propagated from slice to slice.
     pub variant: SliceVariant,
@@ -171,7 +175,7 @@ pub struct LightSettings {
     pub coarsest_level: u32,
     /// Cones: step along a sub-cone, in cells of the level read.
     pub cone_step: f64,
-    /// Cones, shadow volume: side of the image's light cells; cells of one voxel are the finest.
+    /// Cones and modes after half-angle slicing: side of the image's light cells; cells of one voxel are the finest.
     pub cell_mm: f64,
     /// Vicinity occlusion: samples, 1 to [`LightSettings::MOST_VICINITY`].
     pub vicinity_samples: u32,
@@ -181,12 +185,25 @@ pub struct LightSettings {
     /// footprint's samples are apart; 1 to 4.
     #[serde(default = "default_layer_cell")]
     pub layer_cell: f64,
-    /// Half-angle slicing, shadow volume: where the light stands.
+    /// Half-angle slicing, shadow volume, spherical harmonics: where the light stands.
     #[serde(default)]
     pub lamp: Lamp,
     /// Half-angle slicing: side of a texel of the light's buffer; above 0.
     #[serde(default = "default_lamp_texel_mm")]
     pub lamp_texel_mm: f64,
+    /// Spherical harmonics: order, 0 to [`LightSettings::MOST_SKY_ORDER`]; (order + 1)² functions.
+    #[serde(default = "default_sky_order")]
+    pub sky_order: u32,
+    /// Spherical harmonics: directions in which each cell looks, and about as many for surfaces; 1 to
+    /// [`LightSettings::MOST_SUB_CONES`].
+    #[serde(default = "default_sky_directions")]
+    pub sky_directions: u32,
+    /// Spherical harmonics: share of the light that comes evenly from everywhere, 0 to 1.
+    #[serde(default = "default_sky_share")]
+    pub sky_share: f64,
+    /// Dynamic ambient occlusion: clusters of surroundings, 1 to [`LightSettings::MOST_CLUSTERS`].
+    #[serde(default = "default_clusters")]
+    pub clusters: u32,
     /// What occludes what.
     pub mutual: MutualOcclusion,
 }
@@ -200,7 +217,27 @@ fn default_lamp_texel_mm() -> f64 {
     LightSettings::DEFAULT.lamp_texel_mm
 }
 
+fn default_sky_order() -> u32 {
+    LightSettings::DEFAULT.sky_order
+}
+
+fn default_sky_directions() -> u32 {
+    LightSettings::DEFAULT.sky_directions
+}
+
+fn default_clusters() -> u32 {
+    LightSettings::DEFAULT.clusters
+}
+
+fn default_sky_share() -> f64 {
+    LightSettings::DEFAULT.sky_share
+}
+
 impl LightSettings {
+    /// The highest order of spherical harmonics.
+    pub const MOST_SKY_ORDER: u32 = 5;
+    /// The most clusters of surroundings.
+    pub const MOST_CLUSTERS: u32 = 1024;
     /// The most sub-cones of a view.
     pub const MOST_SUB_CONES: u32 = 128;
     /// The most samples of vicinity occlusion, as many as in the paper.
@@ -223,6 +260,10 @@ impl LightSettings {
         layer_cell: 1.5,
         lamp: Lamp::DEFAULT,
         lamp_texel_mm: 1.0,
+        sky_order: 3,
+        sky_directions: 64,
+        sky_share: 0.25,
+        clusters: 256,
         mutual: MutualOcclusion::ALL,
     };
 }
@@ -232,7 +273,7 @@ impl LightSettings {
 pub struct Quality {
     /// Sample pairs of ambient occlusion per pixel, 1 to [`Quality::MOST_SAMPLES`].
     pub occlusion_samples: u32,
-    /// Radius of ambient occlusion.
+    /// Radius of ambient occlusion, of tissue too.
     pub occlusion_radius_mm: f64,
     /// 0 (none) to 1 (hidden places black).
     pub occlusion_strength: f64,

@@ -10,6 +10,7 @@ mod grid_tests;
 mod monte_carlo_tests;
 #[cfg(test)]
 mod parts_tests;
+pub(crate) mod medium;
 pub(crate) mod pyramid;
 pub(crate) mod settings;
 #[cfg(test)]
@@ -23,8 +24,8 @@ use glioscope_core::{Grid, RegionVolume, Selection, optics::Camera};
 
 use self::{
     grid::Cells,
-    settings::{ClampedSettings, ConeSettings, sub_cones},
-    uniforms::{Cones, LEVELS, Level, LightGrid, LightPart},
+    medium::{Medium, OPAQUE_THICKNESS, image_medium},
+    uniforms::{Cones, LightGrid, LightPart},
 };
 use super::{
     layers::{self, LAYERS, LayerLight},
@@ -136,100 +137,6 @@ fn at_cost(cost: f64) -> Quality {
 
 /// Binding numbers of a light grid and its uniform.
 pub(crate) const GRID_BINDINGS: [u32; 2] = [37, 38];
-
-/// Optical thickness at which a voxel is opaque.
-const OPAQUE_THICKNESS: f64 = 40.0;
-
-/// Maximum number of steps of a thread, over all its sub-cones: Mesa's software driver silently ends a thread's loops
-/// after 65,535 rounds in total.
-const MOST_ROUNDS: u32 = 60_000;
-
-/// Prefiltered extinction on the device.
-struct Medium {
-    grid: Grid,
-    cells: wgpu::Buffer,
-    levels: [Level; LEVELS],
-    count: usize,
-}
-
-impl Medium {
-    /// `extinction` is that of a voxel, per millimetre.
-    fn new(
-        gpu: &Gpu,
-        grid: &Grid,
-        extinction: impl Fn([usize; 3]) -> f64 + Sync,
-    ) -> Result<Self, RenderError> {
-        let coarser = pyramid::levels(grid.dims(), grid.spacing_mm(), extinction);
-        let mut levels = [Level::default(); LEVELS];
-        let mut cells: Vec<f32> = Vec::new();
-        let count = (coarser.len() + 1).min(LEVELS);
-        // Level 0 is the medium itself.
-        for (info, level) in levels.iter_mut().skip(1).zip(&coarser) {
-            *info = Level {
-                dims: level.dims.map(|d| d as u32),
-                start: cells.len() as u32,
-                scale: level.voxels.map(|v| 1.0 / v as f32),
-                pad: 0,
-            };
-            cells.extend_from_slice(&level.extinction);
-        }
-        if cells.is_empty() {
-            cells.push(0.0);
-        }
-        gpu.check_size("prefiltered extinction", 4 * cells.len() as u64)?;
-        let cells = gpu.storage("Medium::cells", bytemuck::cast_slice(&cells));
-        gpu.check()?;
-        Ok(Self { grid: grid.clone(), cells, levels, count })
-    }
-
-    /// The uniform, and notes on changed settings.
-    fn uniform(&self, camera: &Camera, reference_mm: f64, settings: &LightSettings) -> (Cones, Vec<String>) {
-        let requested = ConeSettings {
-            aperture_deg: settings.aperture_deg,
-            sub_cones: settings.sub_cones,
-            coarsest_level: settings.coarsest_level.min(self.count as u32 - 1),
-            cone_step: settings.cone_step,
-        };
-        let ClampedSettings { settings, mut notes } = requested.clamped(LightSettings::MOST_SUB_CONES);
-        let voxel_mm = self.grid.spacing_mm().min_element();
-        let corners = self.grid.corners_mm();
-        let longest_mm = (0..4).map(|i| corners[i].distance(corners[7 - i])).fold(0.0, f64::max);
-        // Rounds of a sub-cone, less one of its own, one per clipping plane, and a margin for rounding.
-        let rounds = MOST_ROUNDS / settings.sub_cones - MOST_CLIP_PLANES as u32 - 3;
-        let step = settings.cone_step;
-        let mut settings = settings;
-        while settings.samples(longest_mm, voxel_mm, settings.coarsest_level) > rounds {
-            settings.cone_step *= 1.1;
-        }
-        if settings.cone_step > step {
-            notes.push(format!("cone step {step}: {:.3} is used, {rounds} a sub-cone", settings.cone_step));
-        }
-        let mut axes = [[0.0; 4]; 128];
-        for (to, axis) in axes.iter_mut().zip(sub_cones(&settings)) {
-            *to = [axis[0] as f32, axis[1] as f32, axis[2] as f32, 0.0];
-        }
-        let [corner, right, up, forward] = index_axes(camera, reference_mm, &self.grid);
-        let uniform = Cones {
-            right,
-            up,
-            forward,
-            corner,
-            tangent: settings.sub_tangent() as f32,
-            cone_step: settings.cone_step as f32,
-            coarsest: settings.coarsest_level as f32,
-            voxel_mm: voxel_mm as f32,
-            dims: self.grid.dims().map(|d| d as u32),
-            count: settings.sub_cones,
-            dark: (OPAQUE_THICKNESS / voxel_mm) as f32,
-            rounds: rounds + 2,
-            unused_a: 0,
-            unused_b: 0,
-            levels: self.levels,
-            axes,
-        };
-        (uniform, notes)
-    }
-}
 
 struct ImageLight {
     volume: Arc<ContextVolume>,
@@ -554,13 +461,4 @@ fn mask_medium(gpu: &Gpu, scene: &LitScene<'_>) -> Result<Medium, RenderError> {
         let id = tumor.id(grid.linear(cell)) as usize;
         if shown.get(id).copied().unwrap_or(false) { opaque_per_mm } else { 0.0 }
     })
-}
-
-fn image_medium(gpu: &Gpu, buffers: &ImageBuffers, volume: &ContextVolume) -> Result<Medium, RenderError> {
-    let limit = gpu.storage_limit();
-    let Some(field) = Field::fitting(volume, limit) else {
-        return Err(RenderError::Volume { found: volume.grid().voxel_count() as u64 * 4, limit });
-    };
-    let tables = buffers.tables();
-    Medium::new(gpu, &field.grid, |cell| tables.extinction_at(&field, cell))
 }

@@ -100,6 +100,11 @@ impl<'a> ConeTwin<'a> {
         out
     }
 
+    /// Along one sub-cone from a direction of the world (unit length).
+    pub fn along(&self, at_mm: DVec3, from: DVec3) -> Light {
+        self.sub_cone(at_mm, from)
+    }
+
     /// The line of sight through a point, from the eye or its plane.
     fn line_of_sight(&self, at_mm: DVec3) -> Ray {
         match self.scene.camera.projection {

@@ -36,7 +36,7 @@ use super::{
 use crate::{
     device::{
         Gpu, PassName, RenderError,
-        buffers::WRITTEN,
+        buffers::{WRITTEN, at_offset},
         pipelines::{BindingKind, bind_group_layout, compute_pipeline},
         runner::{Dispatch, PassRunner},
     },
@@ -137,7 +137,8 @@ impl Light for ShadowVolumeLight {
         self.work = None;
         if let Some(image) = scene.image.filter(|_| plan.has(SWEEP)) {
             step_mm = image.buffers.shape().grid.spacing_mm().min_element();
-            self.cells.reserve(gpu, scene, &image)?;
+            let count = self.cells.reserve(gpu, scene, &image)?.count();
+            self.cells.write(gpu, scene, &image, count as u32);
             self.lamp.write(gpu, light, step_mm);
             self.bind_open(gpu, passes, plan, scene)?;
             self.bind_sweeps(gpu, passes, plan, scene, &image, -towards)?;
@@ -347,8 +348,4 @@ fn of_sweep(cells: &Cells, sweep: &Sweep) -> Slice {
         weight: sweep.weight as f32,
         ..Slice::default()
     }
-}
-
-fn at_offset(buffer: &wgpu::Buffer, bytes: u64) -> wgpu::BindingResource<'_> {
-    wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset: 0, size: wgpu::BufferSize::new(bytes) })
 }

@@ -450,6 +450,7 @@ fn every_setting_in_every_lighting_mode() {
                 LightingMode::Slices => by_slices,
                 LightingMode::Cones => by_cones,
                 LightingMode::HalfAngle if by_slices.starts_with("slice distance") => by_slices,
+                LightingMode::SphericalHarmonics if by_cones.starts_with("aperture") => by_cones,
                 _ => "",
             };
             let used: Vec<&String> = rendered.frame_notes.iter().filter(|s| s.contains("used")).collect();

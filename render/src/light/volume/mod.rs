@@ -34,7 +34,7 @@ impl CellLight {
         self.held = None;
     }
 
-    /// Room for the cells of an image in this frame, and their uniform.
+    /// Room for the cells of an image.
     ///
     /// # Errors
     /// [`RenderError`]: they don't fit.
@@ -43,7 +43,7 @@ impl CellLight {
         gpu: &Gpu,
         scene: &LitScene<'_>,
         image: &LitImage<'_>,
-    ) -> Result<(), RenderError> {
+    ) -> Result<&Cells, RenderError> {
         let (grid, cell_mm) = (&image.buffers.shape().grid, scene.quality.lighting.cell_mm);
         let known = self.held.take().filter(|held| held.grid == *grid && held.cell_mm == cell_mm);
         let held = match known {
@@ -56,19 +56,28 @@ impl CellLight {
                 Held { grid: grid.clone(), cell_mm, cells, light }
             }
         };
+        Ok(&self.held.insert(held).cells)
+    }
+
+    /// Fills the uniform for a frame in which `needed` cells are computed.
+    pub fn write(&self, gpu: &Gpu, scene: &LitScene<'_>, image: &LitImage<'_>, needed: u32) {
+        let Some(held) = &self.held else { return };
         let uniform = LightGrid {
-            needed: held.cells.count() as u32,
+            needed,
             strength: scene.quality.strength(),
-            ..LightGrid::of(grid, &held.cells, scene.camera, scene.reference_mm)
+            ..LightGrid::of(&image.buffers.shape().grid, &held.cells, scene.camera, scene.reference_mm)
         };
         gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));
-        self.held = Some(held);
-        Ok(())
     }
 
     /// The cells of the last frame, if it has any.
     pub fn cells(&self) -> Option<&Cells> {
         self.held.as_ref().map(|held| &held.cells)
+    }
+
+    /// The uniform, of no use without cells.
+    pub fn uniform(&self) -> &wgpu::Buffer {
+        &self.uniform
     }
 
     /// The light of the cells, and their uniform, at the binding numbers of lib/light_grid.

@@ -49,7 +49,13 @@ impl ImagePart {
     pub fn lit<'a>(&'a self, scene: &'a ContextScene, plan: &Plan) -> Option<LitImage<'a>> {
         let (buffers, volume) =
             self.image.as_ref().zip(scene.volume.as_ref()).filter(|_| shows_image(plan))?;
-        Some(LitImage { buffers, volume, transfer: &scene.transfer, context: &self.context })
+        Some(LitImage {
+            buffers,
+            volume,
+            transfer: &scene.transfer,
+            clip: &scene.clip,
+            context: &self.context,
+        })
     }
 }
 

@@ -1,0 +1,253 @@
+//! What surrounds each cell of an image: how long a straight way from it is in each kind of tissue, in the mean over all directions,
+//! condensed into clusters (Ropinski et al. 2008). No transfer function is known here. Pure: no device is touched.
+
+use glam::DVec3;
+use glioscope_core::{grid::ijk, optics::random::Random};
+use rayon::prelude::*;
+
+use crate::{
+    image::volume::{Field, NOT_FINITE},
+    light::{cones::grid::Cells, harmonics::basis::spread},
+};
+
+/// Kinds of tissue: by stored value, and by gradient magnitude (stored values per mm) from these edges on.
+const VALUES: usize = 64;
+const STEEPER: [f64; 3] = [0.01, 0.04, 0.12];
+pub(crate) const BINS: usize = VALUES * (STEEPER.len() + 1);
+/// Of voxels whose value or gradient isn't known.
+const NO_BIN: u16 = u16::MAX;
+/// Directions in which a cell looks, and most samples in each.
+pub(crate) const DIRECTIONS: u32 = 48;
+const MOST_SAMPLES: f64 = 32.0;
+/// Cells that clusters are found from; all are assigned to them.
+const LEARNT_FROM: usize = 4096;
+/// Rounds of refinement (Lloyd 1982).
+const ROUNDS: usize = 8;
+const SEED: u64 = 1;
+
+/// Millimetres in bins, by rising bin, none of them 0.
+pub(crate) type Histogram = Vec<(u16, f32)>;
+
+/// Mean stored value and gradient magnitude (stored values per mm) of a bin's voxels.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Bin {
+    pub value: f64,
+    pub steepness: f64,
+}
+
+/// The surroundings of an image's cells.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Neighborhoods {
+    /// Number of the cluster of each cell.
+    pub cluster_of: Vec<u32>,
+    /// Histograms of the clusters, at least one.
+    pub clusters: Vec<Histogram>,
+    /// What stands for each bin.
+    pub bins: Vec<Bin>,
+}
+
+/// The bin of a voxel.
+fn bin_of(value: f32, steepness: f64) -> u16 {
+    // Beside a value that isn't finite no gradient is known.
+    if value <= NOT_FINITE || steepness >= 1e9 {
+        return NO_BIN;
+    }
+    let along = ((value * VALUES as f32) as usize).min(VALUES - 1);
+    let steps = STEEPER.iter().filter(|edge| steepness >= **edge).count();
+    (steps * VALUES + along) as u16
+}
+
+/// The bins of all voxels, and what stands for each.
+fn bins_of(field: &Field) -> (Vec<u16>, Vec<Bin>) {
+    let dims = field.grid.dims();
+    let steepness: Vec<f32> = (0..field.values.len())
+        .into_par_iter()
+        .with_min_len(1 << 12)
+        .map(|l| field.steepness(ijk(dims, l)) as f32)
+        .collect();
+    let bin_of_voxel: Vec<u16> =
+        field.values.iter().zip(&steepness).map(|(v, s)| bin_of(*v, f64::from(*s))).collect();
+    let mut sums = vec![(0.0, 0.0, 0.0); BINS];
+    for ((bin, value), steepness) in bin_of_voxel.iter().zip(&field.values).zip(&steepness) {
+        if let Some(sum) = sums.get_mut(usize::from(*bin)) {
+            *sum = (sum.0 + f64::from(*value), sum.1 + f64::from(*steepness), sum.2 + 1.0);
+        }
+    }
+    let mean = |(value, steepness, n): &(f64, f64, f64)| Bin {
+        value: value / n.max(1.0),
+        steepness: steepness / n.max(1.0),
+    };
+    (bin_of_voxel, sums.iter().map(mean).collect())
+}
+
+/// The histogram about a cell of the image, for directions of the world that share the sphere.
+fn histogram(
+    field: &Field,
+    bin_of_voxel: &[u16],
+    middle: DVec3,
+    (directions, radius_mm): (&[DVec3], f64),
+) -> Histogram {
+    let samples = samples(field, radius_mm);
+    let step_mm = radius_mm / f64::from(samples);
+    let share = step_mm / directions.len() as f64;
+    let from_mm = field.grid.voxel_from_world().matrix3;
+    let dims = field.grid.dims();
+    let mut dense = [0.0f64; BINS];
+    for direction in directions {
+        let along = from_mm * *direction;
+        for n in 0..samples {
+            let at = (middle + along * ((f64::from(n) + 0.5) * step_mm)).round();
+            let inside = (0..3).all(|a| at[a] >= 0.0 && at[a] < dims[a] as f64);
+            if inside {
+                let voxel = field.grid.linear(at.to_array().map(|c| c as usize));
+                let bin = bin_of_voxel.get(voxel).copied().unwrap_or(NO_BIN);
+                if let Some(mm) = dense.get_mut(usize::from(bin)) {
+                    *mm += share;
+                }
+            }
+        }
+    }
+    (0u16..).zip(dense).filter(|(_, mm)| *mm > 0.0).map(|(bin, mm)| (bin, mm as f32)).collect()
+}
+
+/// Samples in each direction: about one for each voxel.
+fn samples(field: &Field, radius_mm: f64) -> u32 {
+    (radius_mm / field.grid.spacing_mm().min_element()).ceil().clamp(1.0, MOST_SAMPLES) as u32
+}
+
+fn squared(of: &Histogram) -> f64 {
+    of.iter().map(|(_, mm)| f64::from(*mm).powi(2)).sum()
+}
+
+/// A cluster's mean histogram, and its square.
+struct Center {
+    mean: Vec<f64>,
+    squared: f64,
+}
+
+impl Center {
+    fn of(histogram: &Histogram) -> Self {
+        let mut mean = vec![0.0; BINS];
+        for (bin, mm) in histogram {
+            if let Some(place) = mean.get_mut(usize::from(*bin)) {
+                *place = f64::from(*mm);
+            }
+        }
+        Self { squared: squared(histogram), mean }
+    }
+
+    fn distance(&self, histogram: &Histogram, its_square: f64) -> f64 {
+        let product: f64 = histogram
+            .iter()
+            .map(|(bin, mm)| f64::from(*mm) * self.mean.get(usize::from(*bin)).copied().unwrap_or(0.0))
+            .sum();
+        (self.squared + its_square - 2.0 * product).max(0.0)
+    }
+}
+
+/// The nearest centre, of equal ones the first, and its squared distance.
+fn nearest(centers: &[Center], histogram: &Histogram) -> (usize, f64) {
+    let its_square = squared(histogram);
+    let distances = centers.iter().map(|center| center.distance(histogram, its_square)).enumerate();
+    distances.fold((0, f64::INFINITY), |best, (n, d)| if d < best.1 { (n, d) } else { best })
+}
+
+/// Clusters of histograms: seeds far from each other (Arthur and Vassilvitskii 2007), then Lloyd's rounds.
+fn centers_of(histograms: &[&Histogram], count: usize) -> Vec<Center> {
+    let mut random = Random::new(SEED, 0);
+    let mut centers: Vec<Center> = histograms.first().map(|h| Center::of(h)).into_iter().collect();
+    let mut far: Vec<f64> = vec![f64::INFINITY; histograms.len()];
+    while centers.len() < count {
+        let Some(last) = centers.last() else { break };
+        far.par_iter_mut()
+            .zip(histograms)
+            .for_each(|(far, h)| *far = far.min(last.distance(h, squared(h))));
+        let all: f64 = far.iter().sum();
+        // All the rest are seeds already.
+        if all <= 1e-9 {
+            break;
+        }
+        let mut left = random.unit() * all;
+        let chosen = far.iter().position(|far| {
+            left -= far;
+            left < 0.0 && *far > 0.0
+        });
+        let farthest = || far.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)).map(|(n, _)| n);
+        let Some(next) = chosen.or_else(farthest).and_then(|n| histograms.get(n)) else { break };
+        centers.push(Center::of(next));
+    }
+    for _ in 0..ROUNDS {
+        let own: Vec<usize> = histograms.par_iter().map(|h| nearest(&centers, h).0).collect();
+        let mut sums = vec![(vec![0.0; BINS], 0.0); centers.len()];
+        for (n, histogram) in own.into_iter().zip(histograms) {
+            let Some((sum, members)) = sums.get_mut(n) else { continue };
+            *members += 1.0;
+            for (bin, mm) in histogram.iter() {
+                if let Some(place) = sum.get_mut(usize::from(*bin)) {
+                    *place += f64::from(*mm);
+                }
+            }
+        }
+        // A cluster that lost its members stays where it is.
+        for (center, (sum, members)) in centers.iter_mut().zip(sums).filter(|(_, (_, n))| *n > 0.0) {
+            let mean: Vec<f64> = sum.into_iter().map(|mm| mm / members).collect();
+            *center = Center { squared: mean.iter().map(|mm| mm * mm).sum(), mean };
+        }
+    }
+    centers
+}
+
+impl Neighborhoods {
+    /// Of an image's cells, within a radius (finite, above 0), with at most this many clusters (at least 1).
+    pub fn of(field: &Field, cells: &Cells, radius_mm: f64, clusters: usize) -> Self {
+        let (histograms, bins) = histograms(field, cells, radius_mm);
+        let every = histograms.len().div_ceil(LEARNT_FROM).max(1);
+        // Not a multiple of the cells in a row, or columns of cells would be learnt from alone.
+        let every = if cells.dims[0] > 1 && every.is_multiple_of(cells.dims[0]) { every + 1 } else { every };
+        // What isn't in the image, or in air alone, is everywhere and the same.
+        let varied: Vec<&Histogram> = histograms.iter().filter(|h| h.len() > 1).collect();
+        let varied = if varied.is_empty() { histograms.iter().collect() } else { varied };
+        let learnt: Vec<&Histogram> = if varied.len() > LEARNT_FROM {
+            varied.iter().copied().step_by(every).collect()
+        } else {
+            varied
+        };
+        let mut centers = centers_of(&learnt, clusters.max(1));
+        if centers.is_empty() {
+            centers.push(Center::of(&Vec::new()));
+        }
+        let cluster_of = histograms.par_iter().map(|h| nearest(&centers, h).0 as u32).collect();
+        let sparse = |center: Center| {
+            let all = (0u16..).zip(center.mean).filter(|(_, mm)| *mm > 0.0);
+            all.map(|(bin, mm)| (bin, mm as f32)).collect()
+        };
+        Self { cluster_of, clusters: centers.into_iter().map(sparse).collect(), bins }
+    }
+
+    /// Mean light from all around at each cluster, by the extinction (per millimetre, at least 0) of what stands for a bin.
+    pub fn light(&self, extinction: impl Fn(&Bin) -> f64) -> Vec<f32> {
+        let of_bin: Vec<f64> = self.bins.iter().map(extinction).collect();
+        self.clusters.iter().map(|cluster| light_of(cluster, &of_bin) as f32).collect()
+    }
+}
+
+/// Light through the mean optical thickness of a histogram.
+pub(super) fn light_of(histogram: &Histogram, extinction: &[f64]) -> f64 {
+    let of = |(bin, mm): &(u16, f32)| {
+        f64::from(*mm) * extinction.get(usize::from(*bin)).copied().unwrap_or(0.0)
+    };
+    (-histogram.iter().map(of).sum::<f64>()).exp()
+}
+
+/// The histogram of every cell, and what stands for each bin.
+pub(super) fn histograms(field: &Field, cells: &Cells, radius_mm: f64) -> (Vec<Histogram>, Vec<Bin>) {
+    let (bin_of_voxel, bins) = bins_of(field);
+    let directions = spread(DIRECTIONS, 180.0);
+    let of_cell = |n: usize| {
+        let p = ijk(cells.dims, n);
+        let middle: [f64; 3] =
+            std::array::from_fn(|a| (p[a] as f64 + 0.5) * cells.voxels[a] as f64 - 0.5);
+        histogram(field, &bin_of_voxel, DVec3::from_array(middle), (&directions, radius_mm))
+    };
+    ((0..cells.count()).into_par_iter().map(of_cell).collect(), bins)
+}

@@ -1,0 +1,17 @@
+// Light of the cells: that of the cluster to which each belongs. One thread per cell.
+#include lib/view
+#include lib/light_grid
+
+@group(0) @binding(30) var<storage, read> cluster_of: array<u32>;
+@group(0) @binding(33) var<storage, read> of_cluster: array<f32>;
+@group(0) @binding(37) var<storage, read_write> light_grid: array<vec2<f32>>;
+
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    zero = id.x >> 31u;
+    let cell = id.x + id.y * groups.x * 64u;
+    if cell >= grid.needed {
+        return;
+    }
+    light_grid[cell] = vec2<f32>(of_cluster[cluster_of[cell]]);
+}

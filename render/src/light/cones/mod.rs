@@ -20,7 +20,7 @@ pub(crate) mod uniforms;
 use std::sync::Arc;
 
 use glam::DVec3;
-use glioscope_core::{Grid, RegionVolume, Selection, optics::Camera};
+use glioscope_core::{Grid, RegionVolume, Selection};
 
 use self::{
     grid::Cells,
@@ -40,13 +40,12 @@ use crate::{
         runner::{Dispatch, PassRunner, Shader, workgroups_of},
     },
     image::{
-        ContextVolume, MOST_CLIP_PLANES, TransferFunction,
-        buffers::ImageBuffers,
+        ContextVolume, TransferFunction,
         tables::Dimensions,
-        volume::{BRICK, Field},
+        volume::BRICK,
     },
     scene::{LightSettings, LightingMode, Plan, Quality, same},
-    solid::view::{HAS_OCCLUSION, LINEAR_LIGHT, index_axes},
+    solid::view::{HAS_OCCLUSION, LINEAR_LIGHT},
 };
 
 /// Light that reaches the cells of the context image's light grid.

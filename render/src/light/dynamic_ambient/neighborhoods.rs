@@ -201,16 +201,14 @@ impl Neighborhoods {
     /// Of an image's cells, within a radius (finite, above 0), with at most this many clusters (at least 1).
     pub fn of(field: &Field, cells: &Cells, radius_mm: f64, clusters: usize) -> Self {
         let (histograms, bins) = histograms(field, cells, radius_mm);
-        let every = histograms.len().div_ceil(LEARNT_FROM).max(1);
-        // Not a multiple of the cells in a row, or columns of cells would be learnt from alone.
-        let every = if cells.dims[0] > 1 && every.is_multiple_of(cells.dims[0]) { every + 1 } else { every };
-        // What isn't in the image, or in air alone, is everywhere and the same.
-        let varied: Vec<&Histogram> = histograms.iter().filter(|h| h.len() > 1).collect();
-        let varied = if varied.is_empty() { histograms.iter().collect() } else { varied };
-        let learnt: Vec<&Histogram> = if varied.len() > LEARNT_FROM {
-            varied.iter().copied().step_by(every).collect()
+        let learnt: Vec<&Histogram> = if histograms.len() > LEARNT_FROM {
+            // Most of an image is air, and one of its cells is as good as all.
+            let plain = histograms.iter().find(|h| h.len() <= 1);
+            let varied: Vec<&Histogram> = histograms.iter().filter(|h| h.len() > 1).collect();
+            let every = varied.len().div_ceil(LEARNT_FROM).max(1);
+            plain.into_iter().chain(varied.into_iter().step_by(every)).collect()
         } else {
-            varied
+            histograms.iter().collect()
         };
         let mut centers = centers_of(&learnt, clusters.max(1));
         if centers.is_empty() {

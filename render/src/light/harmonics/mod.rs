@@ -148,8 +148,14 @@ impl Clamped {
 
     /// Of sub-cones that share the sphere.
     pub fn cones(&self) -> ConeSettings {
+        // One or two would be as wide as half the sphere or more.
+        let aperture_deg = match self.directions {
+            1 => 60.0,
+            2 => 90.0,
+            _ => 180.0,
+        };
         ConeSettings {
-            aperture_deg: 180.0,
+            aperture_deg,
             sub_cones: self.directions,
             coarsest_level: COARSEST,
             cone_step: CONE_STEP,
@@ -245,7 +251,7 @@ impl Light for HarmonicLight {
         match scene.image.filter(|_| plan.has(SKY)) {
             Some(image) => {
                 self.bind_projection(gpu, passes, scene, &image, &settings)?;
-                self.bind_sky(gpu, passes, &settings, towards, scene.view)?;
+                self.bind_sky(gpu, passes, &settings, towards)?;
             }
             None => {
                 self.held = None;
@@ -344,7 +350,6 @@ impl HarmonicLight {
             camera: *scene.camera,
             everywhere: scene.opaque == Opaque::Anywhere,
         };
-        let cells = self.cells.reserve(gpu, scene, image)?.clone();
         let held = self.held.take();
         let is_done = |held: &Projection| {
             held.key.same(&key) && (!held.pending || passes.completed(PROJECT))
@@ -355,9 +360,13 @@ impl HarmonicLight {
             let read = held.as_ref().map_or(0, |held| held.projected.size());
             self.work = Some(LightWork { slices: 0, samples: 0, bytes: read });
             self.held = held;
+            self.cells.reserve(gpu, scene, image)?;
             self.cells.write(gpu, scene, image, needed);
             return Ok(());
         }
+        // Cells that aren't looked up now may have been before.
+        self.cells.release();
+        let cells = self.cells.reserve(gpu, scene, image)?.clone();
         let medium = match held.filter(|held| held.key.has_image(image)) {
             Some(held) => held.medium,
             None => image_medium(gpu, image.buffers, image.volume)?,
@@ -441,7 +450,6 @@ impl HarmonicLight {
         passes: &mut PassRunner,
         settings: &Clamped,
         towards: DVec3,
-        view: &wgpu::Buffer,
     ) -> Result<(), RenderError> {
         let (Some(held), Some(of_grid)) = (&self.held, self.cells.entries()) else { return Ok(()) };
         let factors = sky(settings.order, towards, settings.half_angle_deg, settings.everywhere);
@@ -452,7 +460,6 @@ impl HarmonicLight {
         }
         gpu.queue.write_buffer(&self.sky, 0, bytemuck::bytes_of(&uniform));
         let entries = [
-            (0, view.as_entire_binding()),
             (30, held.needed.as_entire_binding()),
             (34, held.projected.as_entire_binding()),
             (36, self.sky.as_entire_binding()),

@@ -24,7 +24,8 @@ pub use image::{
 };
 pub use scene::{
     ColorMap, Coloring, Lamp, LampFrame, Lens, LightSettings, LightingMode, MaskColors, MutualOcclusion,
-    Palette, Plan, Preset, Quality, RegionScene, Rgb, SlicePlane, SliceVariant, agreement_color,
+    Palette, PathSettings, Plan, Preset, Quality, RegionScene, Rgb, SlicePlane, SliceVariant,
+    agreement_color,
 };
 pub use solid::tubes::{DrawnTubes, TubeLook, TubeSet, TubeShape, TubeValues, tract_color};
 pub use views::{

@@ -6,7 +6,7 @@ use clap::{Args, Parser, Subcommand};
 use glam::DVec3;
 use glioscope_render::{
     ChangeStyle, ClipPlane, ColorMap, LampFrame, LightSettings, LightingMode, MutualOcclusion, Palette,
-    Preset, SliceVariant,
+    PathSettings, Preset, SliceVariant,
     flat::{Mixing, Overlay},
 };
 
@@ -206,7 +206,8 @@ pub struct ReplayArguments {
 #[derive(Clone, Copy, Debug, Default, Args)]
 pub struct LightArguments {
     /// The lighting mode. Soft shadows of slices or cones show depth order and size best, the hard ones of a lamp (half-angle,
-    /// shadow-volume) absolute depth in CT; a headlight (the others) is liked best in pictures for patients.
+    /// shadow-volume) absolute depth in CT; a headlight (the others) is liked best in pictures for patients. Path-traced is for
+    /// explaining.
     #[arg(long, value_name = "MODE", value_parser = keyword::<LightingMode>())]
     pub light: Option<LightingMode>,
     /// Quality preset; default: reference.
@@ -215,12 +216,30 @@ pub struct LightArguments {
     /// Half the opening angle of the cone that light comes from, about the eye or (spherical harmonics) the lamp, in degrees: 0 to 85.
     #[arg(long, value_name = "DEG", value_parser = parse::within(0.0..=85.0), allow_hyphen_values = true)]
     pub aperture: Option<f64>,
-    /// Half-angle, shadow volume, spherical harmonics: where the lamp stands, in degrees: AZIMUTH,ELEVATION. To the viewer's right and upwards; 0,0 is at the eye.
+    /// Half-angle, shadow volume, spherical harmonics, path-traced: where the lamp stands, in degrees: AZIMUTH,ELEVATION. To the
+    /// viewer's right and upwards; 0,0 is at the eye.
     #[arg(long, value_name = "AZ,EL", value_parser = parse::lamp, allow_hyphen_values = true)]
     pub lamp: Option<[f64; 2]>,
-    /// Half-angle, shadow volume, spherical harmonics: what the lamp stands still to. For the patient its angles are those of `--camera`.
+    /// Half-angle, shadow volume, spherical harmonics, path-traced: what the lamp stands still to. For the patient its angles are
+    /// those of `--camera`.
     #[arg(long, value_name = "FRAME", value_parser = keyword::<LampFrame>())]
     pub lamp_frame: Option<LampFrame>,
+    /// Path-traced: share of the lamp in the light, 0 to 1; the rest is a white sky.
+    #[arg(long, value_name = "SHARE", value_parser = parse::within(0.0..=1.0), allow_hyphen_values = true)]
+    pub lamp_share: Option<f64>,
+    /// Path-traced: angular radius of the lamp, in degrees: 0 (hard shadows) to 60.
+    #[arg(long, value_name = "DEG", value_parser = parse::within(0.0..=60.0), allow_hyphen_values = true)]
+    pub lamp_radius: Option<f64>,
+    /// Path-traced: the most paths of a pixel, 2 to 4096; fewer where the standard error is below 0.01.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=i64::from(PathSettings::MOST)))]
+    pub paths: Option<u32>,
+    /// Path-traced: the most scatterings of a path, 1 to 64.
+    #[arg(long, value_name = "N",
+          value_parser = clap::value_parser!(u32).range(1..=i64::from(PathSettings::MOST_BOUNCES)))]
+    pub bounces: Option<u32>,
+    /// Path-traced: where the image scatters light to: -0.95 (back) to 0.95 (forwards), 0 everywhere.
+    #[arg(long, value_name = "COS", value_parser = parse::within(-0.95..=0.95), allow_hyphen_values = true)]
+    pub anisotropy: Option<f64>,
     /// Slices: how occlusion is propagated; paper: with approximate distances.
     #[arg(long, value_name = "VARIANT", value_parser = keyword::<SliceVariant>())]
     pub slices: Option<SliceVariant>,

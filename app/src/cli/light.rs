@@ -1,14 +1,15 @@
 //! Lighting settings from the command line.
 
-use glioscope_render::{Lamp, LightSettings, LightingMode, Preset, light};
+use glioscope_render::{Lamp, LightSettings, LightingMode, PathSettings, Preset, light};
 
 use super::arguments::LightArguments;
 use crate::model::{LightChoice, Shading};
 
 /// The lighting given by the arguments: the preset's, or custom settings based on it. What they leave open is as in `base`.
 pub(super) fn light(arguments: &LightArguments, base: &LightChoice) -> LightChoice {
-    let LightArguments { light: mode, quality, aperture, slices, footprint, slice_mm, cell_mm, darkens, .. } =
-        *arguments;
+    let LightArguments {
+        light: mode, quality, aperture, slices, footprint, slice_mm, cell_mm, darkens, ..
+    } = *arguments;
     let is_open = mode.is_none() && quality.is_none() && aperture.is_none();
     let mut choice = LightChoice {
         mode: mode.unwrap_or(base.mode),
@@ -32,7 +33,9 @@ pub(super) fn light(arguments: &LightArguments, base: &LightChoice) -> LightChoi
     let is_preset = slices.is_none() && footprint.is_none() && slice_mm.is_none();
     let LightArguments { sky_order, sky_directions, sky_share, clusters, .. } = *arguments;
     let is_sky = sky_order.is_some() || sky_directions.is_some() || sky_share.is_some();
-    if is_preset && cell_mm.is_none() && !is_sky && clusters.is_none() && darkens.is_none() {
+    let has_paths = arguments.paths.or(arguments.bounces).is_some()
+        || arguments.lamp_share.or(arguments.lamp_radius).or(arguments.anisotropy).is_some();
+    if is_preset && cell_mm.is_none() && !is_sky && clusters.is_none() && darkens.is_none() && !has_paths {
         return choice;
     }
     let preset = light::preset(choice.mode, choice.preset.unwrap_or(Preset::Reference)).lighting;
@@ -50,6 +53,13 @@ pub(super) fn light(arguments: &LightArguments, base: &LightChoice) -> LightChoi
         sky_directions: sky_directions.unwrap_or(preset.sky_directions),
         sky_share: sky_share.unwrap_or(preset.sky_share),
         clusters: clusters.unwrap_or(preset.clusters),
+        paths: PathSettings {
+            most: arguments.paths.unwrap_or(preset.paths.most),
+            bounces: arguments.bounces.unwrap_or(preset.paths.bounces),
+            anisotropy: arguments.anisotropy.unwrap_or(preset.paths.anisotropy),
+            lamp_share: arguments.lamp_share.unwrap_or(preset.paths.lamp_share),
+            lamp_radius_deg: arguments.lamp_radius.unwrap_or(preset.paths.lamp_radius_deg),
+        },
         mutual: darkens.unwrap_or(preset.mutual),
         ..preset
     });
@@ -88,5 +98,14 @@ mod tests {
         let lighting = light(&arguments, &base).at_rest().lighting;
         let lamp = Lamp { frame: LampFrame::Patient, azimuth_deg: 30.0, elevation_deg: 40.0 };
         assert_eq!((lighting.lamp, lighting.slice_mm, lighting.lamp_texel_mm), (lamp, 2.0, 2.0));
+        let arguments = LightArguments {
+            light: Some(LightingMode::PathTraced),
+            bounces: Some(1),
+            lamp_share: Some(0.0),
+            ..LightArguments::default()
+        };
+        let paths = light(&arguments, &base).at_rest().lighting.paths;
+        let preset = light::preset(LightingMode::PathTraced, Preset::Reference).lighting.paths;
+        assert_eq!(paths, PathSettings { bounces: 1, lamp_share: 0.0, ..preset });
     }
 }

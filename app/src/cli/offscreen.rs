@@ -1,7 +1,10 @@
 //! Devices and reports of what is drawn offscreen.
 
 use glioscope_core::Progress;
-use glioscope_render::{AdapterPreference, Gpu, Plan, Quality, light::FrameError};
+use glioscope_render::{
+    AdapterPreference, Gpu, Plan, Quality,
+    light::{FrameError, StandardError},
+};
 
 use crate::{
     error::AppError, model::PaneId, views::view3d::screen::PassTimes, window::offscreen_app::OffscreenApp,
@@ -19,6 +22,7 @@ pub(super) struct DrawReport {
     pub plan: Option<Plan>,
     pub times: Option<PassTimes>,
     pub quality: Option<Quality>,
+    pub standard_error: Option<StandardError>,
     pub warnings: Vec<String>,
     pub notes: Vec<String>,
     /// Measured error of the light; `None` where it wasn't asked for or has no reference.
@@ -38,6 +42,7 @@ pub(super) fn draw_report(
         plan: screen.plan().map(|(plan, _)| plan.clone()),
         times: None,
         quality: screen.quality().copied(),
+        standard_error: None,
         warnings: screen.warnings().to_vec(),
         notes: screen.notes().to_vec(),
         measured: None,
@@ -46,6 +51,8 @@ pub(super) fn draw_report(
         report.measured = sample.measure(&Progress::new())?;
     }
     if timed && report.plan.is_some() {
+        // Before the passes are run again for their times.
+        report.standard_error = screen.standard_error(&gpu)?;
         report.times = Some(screen.pass_times(&gpu)?.clone());
     }
     Ok(report)

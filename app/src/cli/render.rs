@@ -364,10 +364,13 @@ fn print_stats(adapter: &str, size: [u32; 2], report: &DrawReport) -> Result<(),
         let measured = report.measured.map(
             |found| json!({"rms": found.rms, "uncertainty": found.rms_uncertainty, "pixels": found.pixels}),
         );
+        let noise =
+            report.standard_error.map(|error| json!({"surfaces": error.surfaces, "tissue": error.tissue}));
         json!({
             "mode": quality.lighting.mode,
             "expected_error": error,
             "measured_error": measured,
+            "standard_error": noise,
             "notes": report.notes,
         })
     });

@@ -29,6 +29,11 @@ pub(super) fn without_effect(arguments: &RenderArguments) -> Vec<&'static str> {
         ("--aperture", light.aperture.is_some(), views_3d),
         ("--lamp", light.lamp.is_some(), views_3d),
         ("--lamp-frame", light.lamp_frame.is_some(), views_3d),
+        ("--lamp-share", light.lamp_share.is_some(), views_3d),
+        ("--lamp-radius", light.lamp_radius.is_some(), views_3d),
+        ("--paths", light.paths.is_some(), views_3d),
+        ("--bounces", light.bounces.is_some(), views_3d),
+        ("--anisotropy", light.anisotropy.is_some(), with_image),
         ("--slices", light.slices.is_some(), with_image),
         ("--footprint", light.footprint.is_some(), with_image),
         ("--slice-mm", light.slice_mm.is_some(), with_image),
@@ -76,10 +81,16 @@ pub(super) fn without_effect(arguments: &RenderArguments) -> Vec<&'static str> {
 pub(super) fn without_effect_on_light(arguments: &LightArguments, choice: &LightChoice) -> Vec<&'static str> {
     let a = arguments;
     let row = light::row(choice.mode);
+    let has_paths = choice.mode == LightingMode::PathTraced;
     let table = [
         ("--aperture", a.aperture.is_some(), row.has_aperture),
         ("--lamp", a.lamp.is_some(), row.has_lamp),
         ("--lamp-frame", a.lamp_frame.is_some(), row.has_lamp),
+        ("--lamp-share", a.lamp_share.is_some(), has_paths),
+        ("--lamp-radius", a.lamp_radius.is_some(), has_paths),
+        ("--paths", a.paths.is_some(), has_paths),
+        ("--bounces", a.bounces.is_some(), has_paths),
+        ("--anisotropy", a.anisotropy.is_some(), has_paths),
         ("--occlusion-mm", a.occlusion_mm.is_some(), choice.has_ambient_occlusion()),
         ("--smooth", a.smooth, row.lights_smooth),
         ("--vicinity-mm", a.vicinity_mm.is_some(), choice.has_vicinity()),
@@ -145,12 +156,27 @@ mod tests {
         };
         assert_eq!(unused(LightingMode::HalfAngle, &lamp), ["--aperture", "--occlusion-mm"]);
         assert_eq!(unused(LightingMode::Slices, &lamp), ["--lamp", "--occlusion-mm"]);
-        let cells =
-            LightArguments { cell_mm: Some(3.0), sky_order: Some(2), clusters: Some(9), slice_mm: None, smooth: false, occlusion_mm: None, ..lamp };
+        let cells = LightArguments {
+            cell_mm: Some(3.0),
+            sky_order: Some(2),
+            clusters: Some(9),
+            slice_mm: None,
+            smooth: false,
+            occlusion_mm: None,
+            ..lamp
+        };
         let rest = ["--sky-order", "--clusters", "--cell-mm"];
         assert_eq!(unused(LightingMode::HalfAngle, &cells), [&["--aperture"], &rest[..]].concat());
         assert_eq!(unused(LightingMode::ShadowVolume, &cells), ["--aperture", "--sky-order", "--clusters"]);
         assert_eq!(unused(LightingMode::SphericalHarmonics, &cells), ["--clusters"]);
         assert_eq!(unused(LightingMode::DynamicAmbient, &cells), ["--aperture", "--lamp", "--sky-order"]);
+        let paths = LightArguments {
+            paths: Some(64),
+            lamp_share: Some(0.5),
+            lamp: Some([0.0; 2]),
+            ..LightArguments::default()
+        };
+        assert_eq!(unused(LightingMode::PathTraced, &paths), [""; 0]);
+        assert_eq!(unused(LightingMode::HalfAngle, &paths), ["--lamp-share", "--paths"]);
     }
 }

@@ -5,7 +5,7 @@ use std::{collections::BTreeSet, fmt::Display, ops::RangeInclusive};
 use egui_tiles::{Container, Tile, TileId, Tree};
 use glam::{DMat3, DVec2, DVec3};
 use glioscope_core::{Connectivity, dates::iso_date, lesions};
-use glioscope_render::{Lamp, LightSettings, image::MOST_CLIP_PLANES};
+use glioscope_render::{Lamp, LightSettings, PathSettings, image::MOST_CLIP_PLANES};
 use serde_json::Value;
 
 use super::{
@@ -263,6 +263,12 @@ fn check_lamp(name: &str, lamp: &Lamp) -> Checked {
 fn check_light(own: &LightSettings) -> Checked {
     check_lamp("light own lamp", &own.lamp)?;
     number("light own lamp_texel_mm", own.lamp_texel_mm, &(0.01..=100.0))?;
+    let paths = &own.paths;
+    number("light own paths most", paths.most, &(2.0..=f64::from(PathSettings::MOST)))?;
+    number("light own paths bounces", paths.bounces, &(1.0..=f64::from(PathSettings::MOST_BOUNCES)))?;
+    number("light own paths anisotropy", paths.anisotropy, &(-0.95..=0.95))?;
+    number("light own paths lamp_share", paths.lamp_share, &SHARE)?;
+    number("light own paths lamp_radius_deg", paths.lamp_radius_deg, &(0.0..=60.0))?;
     number("light own aperture_deg", own.aperture_deg, &(0.0..=85.0))?;
     number("light own slice_grid", own.slice_grid, &(1.0..=13.0))?;
     number("light own slice_mm", own.slice_mm, &(0.01..=100.0))?;
@@ -441,6 +447,19 @@ mod tests {
                 "/edit/light/own/lamp_texel_mm",
                 "light own lamp_texel_mm",
                 [json!([0.01, 100.0]), json!([0.009, 100.1])],
+            ),
+            ("/edit/light/own/paths/most", "light own paths most", [json!([2, 4096]), json!([1, 4097])]),
+            ("/edit/light/own/paths/bounces", "light own paths bounces", [json!([1, 64]), json!([0, 65])]),
+            (
+                "/edit/light/own/paths/anisotropy",
+                "light own paths anisotropy",
+                [json!([-0.95, 0.95]), json!([-0.96, 1.0])],
+            ),
+            ("/edit/light/own/paths/lamp_share", "light own paths lamp_share", share.clone()),
+            (
+                "/edit/light/own/paths/lamp_radius_deg",
+                "light own paths lamp_radius_deg",
+                [json!([0.0, 60.0]), json!([-1.0, 60.1])],
             ),
             ("/edit/light/own/slice_grid", "light own slice_grid", [json!([1, 13]), json!([0, 14])]),
             ("/edit/light/own/slice_mm", "light own slice_mm", [json!([0.01, 100.0]), json!([0.009, 100.1])]),

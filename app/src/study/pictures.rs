@@ -39,10 +39,11 @@ fn choice(mode: LightingMode, quality: Preset) -> LightChoice {
     LightChoice { mode, preset: Some(quality), shading, ..LightChoice::default() }
 }
 
-/// The lights that are compared where none are named: those that shade the smooth surface.
+/// The lights that are compared where none are named: those for reading that shade the smooth surface.
 pub fn default_lights(quality: Preset) -> Vec<LightingMode> {
     let is_smooth = |mode: &LightingMode| light::shows_smooth(&choice(*mode, quality).at_rest());
-    LIGHTS.iter().map(|row| row.mode).filter(is_smooth).collect()
+    let is_for_reading = |mode: &LightingMode| *mode != LightingMode::PathTraced;
+    LIGHTS.iter().map(|row| row.mode).filter(is_smooth).filter(is_for_reading).collect()
 }
 
 /// Draws the pictures of trials.

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use egui::{Grid, RichText, ScrollArea, Ui};
 use glioscope_render::{
     Gpu, Quality,
-    light::{self, FrameError, LightSample},
+    light::{self, FrameError, LightSample, StandardError},
 };
 
 use super::{
@@ -51,11 +51,20 @@ impl Pane for DiagnosticsPane {
     }
 }
 
-/// Lighting mode and its expected error, as text.
-pub fn light_text(quality: &Quality) -> String {
+/// Lighting mode and its error, as text: `measured` in the frame, or else expected.
+pub fn light_text(quality: &Quality, measured: Option<StandardError>) -> String {
     let mode = light::row(quality.lighting.mode).title;
     let ambient = 100.0 * (1.0 - quality.occlusion_strength.clamp(0.0, 1.0));
     let mode = format!("{mode}, {ambient:.0} % of it ambient");
+    if let Some(StandardError { surfaces, tissue }) = measured {
+        let of = |name: &str, error: Option<f64>| error.map(|error| format!("{error:.3} {name}"));
+        let errors: Vec<_> =
+            [of("on opaque surfaces", surfaces), of("in tissue", tissue)].into_iter().flatten().collect();
+        return format!(
+            "{mode}. Standard error of this picture: {} (root mean square in linear light, measured in it).",
+            if errors.is_empty() { "nothing is lit".to_owned() } else { errors.join(", ") }
+        );
+    }
     if let Some([tumor, folds]) = light::occlusion_error(quality) {
         return format!(
             "{mode}. Expected error of the occlusion in the closeup: {tumor:.3} of the light, {folds:.3} in deep folds (root \
@@ -110,8 +119,9 @@ impl DiagnosticsPane {
                 ui.label(error.to_string());
             }
         }
+        let noise = screen.standard_error(gpu).ok().flatten();
         if let Some(quality) = screen.quality() {
-            ui.label(light_text(quality));
+            ui.label(light_text(quality, noise));
         }
         self.measurement(ui, (pane, screen.frames_drawn()), ask, gpu, screen);
         for note in screen.notes() {

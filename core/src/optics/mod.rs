@@ -9,6 +9,7 @@ pub mod medium;
 pub mod monte_carlo;
 pub mod poisson;
 pub mod random;
+pub mod scattering;
 pub mod sight;
 pub mod solids;
 pub mod srgb;

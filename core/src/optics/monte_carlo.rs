@@ -43,14 +43,14 @@ pub struct Estimate {
 
 /// Running mean and sum of squared deviations from it.
 #[derive(Clone, Copy, Default)]
-struct Sums {
+pub(super) struct Sums {
     n: f64,
     mean: DVec3,
     m2: DVec3,
 }
 
 impl Sums {
-    fn add(&mut self, x: DVec3) {
+    pub(super) fn add(&mut self, x: DVec3) {
         self.n += 1.0;
         let off = x - self.mean;
         self.mean += off / self.n;
@@ -60,6 +60,10 @@ impl Sums {
     fn standard_error(&self) -> DVec3 {
         let v = self.m2 / ((self.n - 1.0).max(1.0) * self.n.max(1.0));
         DVec3::new(v.x.sqrt(), v.y.sqrt(), v.z.sqrt())
+    }
+
+    pub(super) fn estimate(&self) -> Estimate {
+        Estimate { mean: self.mean, standard_error: self.standard_error() }
     }
 }
 
@@ -98,7 +102,7 @@ pub fn visibility(
         let ray = Ray { origin_mm: at_mm, direction: direction(phase, axis, random) };
         sums.add(DVec3::splat((-medium.thickness(&ray, f64::INFINITY)).exp()));
     }
-    Estimate { mean: sums.mean, standard_error: sums.standard_error() }
+    sums.estimate()
 }
 
 /// Equation 7 along one ray with ambient light 1. A surface of an opaque medium is lit by the

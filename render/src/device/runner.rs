@@ -173,7 +173,14 @@ impl PassRunner {
             }
         });
         let parts = Parts::default();
-        let mut runner = Self { compute: Vec::new(), raster: Vec::new(), bound: Vec::new(), timer, parts, completed: Vec::new() };
+        let mut runner = Self {
+            compute: Vec::new(),
+            raster: Vec::new(),
+            bound: Vec::new(),
+            timer,
+            parts,
+            completed: Vec::new(),
+        };
         for file in shaders {
             runner.pipeline(gpu, file.into())?;
         }

@@ -76,6 +76,11 @@ impl ImageBuffers {
         &self.uploaded.shape
     }
 
+    /// Smallest and largest stored value of each brick.
+    pub fn ranges(&self) -> &[[f32; 2]] {
+        &self.uploaded.ranges
+    }
+
     /// The transfer function as tables.
     pub fn tables(&self) -> &Tables {
         &self.tables

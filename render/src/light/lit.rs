@@ -96,11 +96,21 @@ pub struct LightWork {
     /// Slices, empty ones included; 0 with cones.
     pub slices: u32,
     /// Slices: pixels processed over all slices, with half-angle slicing texels of light, too. Cones: sub-cones over all
-    /// cells of the image's light grid.
+    /// cells of the image's light grid. Paths: at most so many, as tiles with enough have fewer.
     pub samples: u64,
     /// Lower bound of the bytes moved. Slices: lights read and written, ray intervals and depths, without the image,
-    /// the eye buffer and the notes. Cones: image, prefiltered extinction and cells once.
+    /// the eye buffer and the notes. Cones: image, prefiltered extinction and cells once. Paths: what they found.
     pub bytes: u64,
+}
+
+/// Standard error of a frame's light, measured in the frame itself: root mean square over pixels, of linear light from 0 to
+/// 1. `None` where nothing is lit.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StandardError {
+    /// Of the light on opaque surfaces, as much of it as is shown.
+    pub surfaces: Option<f64>,
+    /// Of the image's radiance.
+    pub tissue: Option<f64>,
 }
 
 /// The ray march through the image, lit by this mode.
@@ -136,6 +146,14 @@ pub(crate) trait Light: Send {
         None
     }
 
+    /// The error of the last frame's light, measured in it; `None` where the mode measures none. Waits for the frame.
+    ///
+    /// # Errors
+    /// [`RenderError::Device`] with the driver's message.
+    fn measured_error(&self, _gpu: &Gpu) -> Result<Option<StandardError>, RenderError> {
+        Ok(None)
+    }
+
     /// Buffers that tests read.
     #[cfg(test)]
     fn probe(&self) -> Probe<'_> {
@@ -159,6 +177,8 @@ pub(crate) struct Probe<'a> {
     pub eye: Option<&'a wgpu::Buffer>,
     /// The light grid of the image, and its uniform.
     pub grid: Option<[&'a wgpu::Buffer; 2]>,
+    /// What the paths of each pixel found, see lib/path_state.
+    pub pixels: Option<&'a wgpu::Buffer>,
 }
 
 /// What the test suite needs from a lighting mode.
@@ -171,6 +191,8 @@ pub(crate) struct Suite {
     pub variants: &'static [crate::scene::SliceVariant],
     /// Largest difference between the results of its passes and of their `f64` twin, over scenes of its own.
     pub max_twin_error: fn() -> f64,
+    /// Largest share of pixels in which rounding may decide a path of light otherwise; 0 where nothing is random.
+    pub decided_by_rounding: f64,
 }
 
 /// Costs as for [`LightRow::at_cost`], each with its errors on opaque surfaces and in tissue: root mean square of

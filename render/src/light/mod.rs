@@ -3,16 +3,17 @@
 
 mod budget;
 pub(crate) mod cones;
+pub(crate) mod dynamic_ambient;
 mod frame_error;
 #[cfg(test)]
 mod frame_error_tests;
-pub(crate) mod dynamic_ambient;
 pub(crate) mod half_angle;
 pub(crate) mod harmonics;
 pub(crate) mod horizon;
 pub(crate) mod kernel;
 pub(crate) mod layers;
 pub(crate) mod lit;
+pub(crate) mod paths;
 pub(crate) mod screen;
 pub(crate) mod shadow_volume;
 pub(crate) mod slices;
@@ -26,7 +27,7 @@ use strum::VariantArray;
 
 pub use budget::{Auto, BUDGET_MS};
 pub use frame_error::{FrameError, LightSample};
-pub use lit::{LightRow, LightWork};
+pub use lit::{LightRow, LightWork, StandardError};
 
 use crate::{
     device::{Gpu, PassName, RenderError, runner::PassRunner},
@@ -35,8 +36,18 @@ use crate::{
 use lit::{Light, LitKind, LitMarch, LitScene, Measured};
 
 /// One row per [`LightingMode`], in its order, which is also the order of menus.
-pub const LIGHTS: [LightRow; LightingMode::VARIANTS.len()] =
-    [screen::ROW, horizon::ROW, traced::ROW, slices::ROW, cones::ROW, half_angle::ROW, shadow_volume::ROW, harmonics::ROW, dynamic_ambient::ROW];
+pub const LIGHTS: [LightRow; LightingMode::VARIANTS.len()] = [
+    screen::ROW,
+    horizon::ROW,
+    traced::ROW,
+    slices::ROW,
+    cones::ROW,
+    half_angle::ROW,
+    shadow_volume::ROW,
+    harmonics::ROW,
+    dynamic_ambient::ROW,
+    paths::ROW,
+];
 
 const _: () = {
     let mut at = 0;
@@ -176,6 +187,14 @@ impl LightPasses {
     /// See [`Light::work`].
     pub fn work(&self) -> Option<LightWork> {
         self.light.as_ref()?.1.work()
+    }
+
+    /// See [`Light::measured_error`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn measured_error(&self, gpu: &Gpu) -> Result<Option<StandardError>, RenderError> {
+        self.light.as_ref().map_or(Ok(None), |(_, light)| light.measured_error(gpu))
     }
 
     /// See [`Light::probe`].

@@ -18,7 +18,8 @@ pub use palette::{Coloring, MaskColors, Palette, Rgb, agreement_color};
 pub use plan::Plan;
 pub use plane::SlicePlane;
 pub use quality::{
-    Lamp, LampFrame, LightSettings, LightingMode, MutualOcclusion, Preset, Quality, SliceVariant,
+    Lamp, LampFrame, LightSettings, LightingMode, MutualOcclusion, PathSettings, Preset, Quality,
+    SliceVariant,
 };
 pub use regions::RegionScene;
 

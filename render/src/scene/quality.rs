@@ -48,6 +48,8 @@ keywords! {
         SphericalHarmonics,
         /// Ambient occlusion of tissue by histograms of what is around, known before any transfer function.
         DynamicAmbient,
+        /// Paths of light by Monte Carlo: a sky, a lamp, many scatterings. For explaining, not for reading.
+        PathTraced,
     }
 }
 
@@ -127,6 +129,41 @@ impl Default for Lamp {
     }
 }
 
+/// Settings of paths of light. Values out of their range are replaced by the nearest one within, NaN by the least.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct PathSettings {
+    /// The most paths of a pixel, 2 to [`PathSettings::MOST`], in two halves: an odd number is one more. Tiles of pixels with
+    /// a standard error below 0.01 have fewer.
+    pub most: u32,
+    /// The most scatterings of a path, 1 to [`PathSettings::MOST_BOUNCES`]; 1 is single scattering.
+    pub bounces: u32,
+    /// Mean cosine of the angle by which the image scatters light (Henyey and Greenstein 1941): 0 equally everywhere, 0.9
+    /// forwards; -0.95 to 0.95.
+    pub anisotropy: f64,
+    /// Share of the lamp in the light on a white surface that faces it, 0 to 1; the rest is a white sky all around.
+    pub lamp_share: f64,
+    /// Angular radius of the lamp, degrees: 0 (hard shadows) to 60.
+    pub lamp_radius_deg: f64,
+}
+
+impl PathSettings {
+    /// The most paths of a pixel.
+    pub const MOST: u32 = 4096;
+    /// The most scatterings of a path.
+    pub const MOST_BOUNCES: u32 = 64;
+
+    /// The settings that presets start from.
+    pub const DEFAULT: Self =
+        Self { most: 32, bounces: 4, anisotropy: 0.0, lamp_share: 0.4, lamp_radius_deg: 10.0 };
+}
+
+impl Default for PathSettings {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
 /// Which of image and opaque geometry occlude each other (Schott et al. 2012, figure 2). For the slices mode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct MutualOcclusion {
@@ -185,7 +222,7 @@ pub struct LightSettings {
     /// footprint's samples are apart; 1 to 4.
     #[serde(default = "default_layer_cell")]
     pub layer_cell: f64,
-    /// Half-angle slicing, shadow volume, spherical harmonics: where the light stands.
+    /// Half-angle slicing, shadow volume, spherical harmonics, paths: where the light stands.
     #[serde(default)]
     pub lamp: Lamp,
     /// Half-angle slicing: side of a texel of the light's buffer; above 0.
@@ -204,6 +241,9 @@ pub struct LightSettings {
     /// Dynamic ambient occlusion: clusters of surroundings, 1 to [`LightSettings::MOST_CLUSTERS`].
     #[serde(default = "default_clusters")]
     pub clusters: u32,
+    /// Paths of light.
+    #[serde(default)]
+    pub paths: PathSettings,
     /// What occludes what.
     pub mutual: MutualOcclusion,
 }
@@ -264,6 +304,7 @@ impl LightSettings {
         sky_directions: 64,
         sky_share: 0.25,
         clusters: 256,
+        paths: PathSettings::DEFAULT,
         mutual: MutualOcclusion::ALL,
     };
 }

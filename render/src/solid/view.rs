@@ -21,6 +21,7 @@ pub(crate) const HAS_TUBES: u32 = 512;
 pub(crate) const HAS_PROJECTION: u32 = 4096;
 pub(crate) const LINEAR_LIGHT: u32 = 1024;
 pub(crate) const SMOOTH_SURFACE: u32 = 2048;
+pub(crate) const TINTED: u32 = 8192;
 
 /// `View` of lib/view; see there.
 #[repr(C)]

@@ -12,7 +12,7 @@ use crate::{
         Gpu, PassName, RenderError, TimeSource,
         runner::{PassRunner, workgroups_of},
     },
-    light::{LightPasses, LightSample, LightWork},
+    light::{LightPasses, LightSample, LightWork, StandardError},
     scene::{Plan, Quality},
     solid::{
         targets::Targets,
@@ -380,6 +380,16 @@ impl<V: View3d> Renderer<V> {
     /// Work of the light passes for the last frame's image; `None` without an image lit by them.
     pub fn light_work(&self) -> Option<LightWork> {
         self.lights.work()
+    }
+
+    /// The error of the last frame's light, measured in the frame itself; `None` where its lighting mode measures none, and
+    /// while another frame is drawn in parts. Waits for the frame.
+    ///
+    /// # Errors
+    /// [`RenderError::Device`] with the driver's message.
+    pub fn standard_error(&self, gpu: &Gpu) -> Result<Option<StandardError>, RenderError> {
+        let is_complete = self.frame.is_some() && self.pending.is_none();
+        if is_complete { self.lights.measured_error(gpu) } else { Ok(None) }
     }
 
     /// Milliseconds of each pass of the last frame, in order; empty before the first. Waits for it.

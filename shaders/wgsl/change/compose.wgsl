@@ -4,6 +4,7 @@
 #include lib/lines
 #include lib/context
 #include lib/change
+#include lib/surface_light
 
 @group(0) @binding(6) var<storage, read> marched: array<Marched>;
 @group(0) @binding(8) var<storage, read> blurred: array<u32>;
@@ -24,10 +25,6 @@ const EDGE = 0.45;
 
 fn tone_of(grows: bool) -> vec3<f32> {
     return select(change.shrink, change.grow, grows);
-}
-
-fn darkened(color: vec3<f32>, occlusion: vec4<f32>) -> vec3<f32> {
-    return color * (1.0 - occlusion.a) + occlusion.rgb * (occlusion.a * view.color_bleeding);
 }
 
 // Stripes where no change length is defined: a connected component appeared or disappeared.
@@ -114,7 +111,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             let opacity = clamp(abs(height.x) / change.full_mm, 0.0, 1.0) * clamp(height.y, 0.0, 1.0);
             color = mix(color, tone_of(height.x > 0.0), opacity);
         }
-        color = darkened(color, o);
+        color = in_light(color, o);
     } else if (flags() & HAS_CONTEXT) != 0u {
         color = image_over(marched[at], color);
     }
@@ -134,7 +131,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             let arrow = arrow_at(id.xy, n);
             var one = plain;
             if arrow.depth < front {
-                one = select(arrow.color, darkened(arrow.color, o), (varied(change.flags) & LIT_ARROWS) != 0u);
+                one = select(arrow.color, in_light(arrow.color, o), (varied(change.flags) & LIT_ARROWS) != 0u);
                 if arrow.depth >= lines.depth {
                     one = mix(one, INNER, view.inner_line_strength * lines.grey);
                     one = mix(one, view.silhouette.rgb, lines.black);

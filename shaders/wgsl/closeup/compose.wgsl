@@ -4,7 +4,7 @@
 #include lib/ring
 #include lib/lines
 #include lib/normal
-#include lib/linear
+#include lib/surface_light
 
 struct Outside {
     depth: f32,
@@ -88,7 +88,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         color = encoded(albedo * light_at(id.xy, surface, at));
         if (flags() & HAS_OCCLUSION) != 0u {
             let o = unpack4x8unorm(blurred[at]);
-            color = color * (1.0 - o.a) + o.rgb * (o.a * view.color_bleeding);
+            color = in_light(color, o);
         }
     } else if has_outside {
         if slice_pending && slice.depth >= outsides[at].depth {

@@ -4,6 +4,7 @@
 #include lib/ring
 #include lib/lines
 #include lib/context
+#include lib/surface_light
 #include lib/tubes
 #include lib/tube_lines
 
@@ -50,7 +51,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         }
         if (flags() & HAS_OCCLUSION) != 0u {
             let o = unpack4x8unorm(blurred[at]);
-            color = color * (1.0 - o.a) + o.rgb * (o.a * view.color_bleeding);
+            color = in_light(color, o);
         }
         // Occlusion darkens ambient and diffuse light, not the highlight (Algorithm 6 of Schott et al. 2012).
         color = min(color + shine, vec3<f32>(1.0));

@@ -30,3 +30,21 @@ fn normal_from_depths(here: vec2<i32>, c: vec3<f32>, sight: vec3<f32>) -> vec3<f
     let facing = select(-unit, unit, dot(unit, sight) < 0.0);
     return normalize(facing - sight * max(0.02 + dot(facing, sight), 0.0));
 }
+
+// From depths; of voxels the mean of nine, as far apart as voxels are, or the faces between them would be lit instead of
+// the surface.
+fn normal_among(here: vec2<i32>, c: vec3<f32>) -> vec3<f32> {
+    var sum = normal_from_depths(here, c, sight_of(vec2<u32>(here)));
+    if stepped {
+        let apart = clamp(i32(round(view.voxel_mm / footprint_mm(c.z))), 1, 8);
+        for (var k = 0; k < 9; k++) {
+            let there = here + apart * vec2<i32>(k % 3 - 1, k / 3 - 1);
+            let inside = all(there >= vec2<i32>(0)) && all(there < vec2<i32>(view.size));
+            let q = point_of(there);
+            if inside && k != 4 && abs(q.z - c.z) < 3.0 * view.voxel_mm {
+                sum += normal_from_depths(there, q, sight_of(vec2<u32>(there)));
+            }
+        }
+    }
+    return sum / max(length(sum), 1e-12);
+}

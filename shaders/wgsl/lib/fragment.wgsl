@@ -1,4 +1,5 @@
 // Shading and blending of ellipsoid fragments, for every pass that finds them.
+#include lib/surface_light
 
 @group(0) @binding(6) var<storage, read> lists: array<vec4<u32>>;
 @group(0) @binding(8) var<storage, read> blurred: array<u32>;
@@ -32,7 +33,7 @@ fn fragment_at(node: vec2<u32>, pixel: vec2<u32>, nearest: bool, greyed: f32) ->
     }
     if nearest && (flags() & HAS_OCCLUSION) != 0u {
         let o = unpack4x8unorm(blurred[linear_index(pixel)]);
-        color = color * (1.0 - o.a) + o.rgb * (o.a * view.color_bleeding);
+        color = in_light(color, o);
     }
     color = min(color, vec3<f32>(1.0));
     let shell = 1.0 - pow(1.0 - e.opacity, min(1.0 / max(facing, 1e-3), THICKEST));

@@ -5,7 +5,8 @@ use std::{sync::Arc, time::Instant};
 use egui::{TextureId, mutex::RwLock};
 use glam::UVec2;
 use glioscope_render::{
-    Frame, Gpu, PassName, Plan, Quality, RenderError, Renderer, View3d, light::LightSample,
+    Frame, Gpu, PassName, Plan, Quality, RenderError, Renderer, View3d,
+    light::{LightSample, StandardError},
 };
 
 use crate::{cpu_paint::ViewPictures, error::AppError};
@@ -43,6 +44,12 @@ pub trait ScreenReport {
     fn pass_times(&mut self, gpu: &Gpu) -> Result<&PassTimes, AppError>;
     /// Finished share of a finer frame in progress, 0 to 1; `None` if there is none.
     fn share_done(&self) -> Option<f64>;
+    /// The error of the frame's light that was measured in it; `None` where its lighting mode measures none; read back once
+    /// per frame.
+    ///
+    /// # Errors
+    /// [`AppError`] if the device fails.
+    fn standard_error(&mut self, gpu: &Gpu) -> Result<Option<StandardError>, AppError>;
     /// Notes on the lighting, as text: changed settings, omitted work.
     fn notes(&self) -> &[String];
     /// Parts of the scene that the frame doesn't show, as text.
@@ -65,6 +72,8 @@ pub struct Screen<V: View3d> {
     shown: Option<ShownFrame<V::Scene>>,
     /// Pass times, with the number of the frame they are of.
     times: Option<(u64, PassTimes)>,
+    /// The measured error of the light, with the number of the frame it is of.
+    standard_error: Option<(u64, Option<StandardError>)>,
     draw_ms: Option<f64>,
     /// A finer frame in progress.
     pending: Option<FrameRequest<V::Scene>>,
@@ -88,7 +97,15 @@ struct ShownFrame<S> {
 
 impl<V: View3d> Default for Screen<V> {
     fn default() -> Self {
-        Self { renderer: None, shown: None, times: None, draw_ms: None, pending: None, frames_drawn: 0 }
+        Self {
+            renderer: None,
+            shown: None,
+            times: None,
+            standard_error: None,
+            draw_ms: None,
+            pending: None,
+            frames_drawn: 0,
+        }
     }
 }
 
@@ -265,6 +282,18 @@ impl<V: View3d> ScreenReport for Screen<V> {
 
     fn share_done(&self) -> Option<f64> {
         self.pending.as_ref().and(self.renderer.as_ref()).and_then(Renderer::share_done)
+    }
+
+    fn standard_error(&mut self, gpu: &Gpu) -> Result<Option<StandardError>, AppError> {
+        match (self.standard_error, &self.renderer) {
+            (Some((frame, error)), _) if frame == self.frames_drawn => Ok(error),
+            (_, Some(renderer)) if self.pending.is_none() => {
+                let error = renderer.standard_error(gpu)?;
+                self.standard_error = Some((self.frames_drawn, error));
+                Ok(error)
+            }
+            _ => Ok(None),
+        }
     }
 
     fn notes(&self) -> &[String] {

@@ -75,8 +75,7 @@ impl Medium {
         };
         let ClampedSettings { settings, mut notes } = requested.clamped(LightSettings::MOST_SUB_CONES);
         let axes = sub_cones(&settings).into_iter().map(DVec3::from_array);
-        let (uniform, note) =
-            self.along(camera, reference_mm, &settings, (axes, settings.sub_cones));
+        let (uniform, note) = self.along(camera, reference_mm, &settings, (axes, settings.sub_cones));
         notes.extend(note);
         (uniform, notes)
     }
@@ -134,7 +133,11 @@ impl Medium {
 ///
 /// # Errors
 /// [`RenderError`]: it doesn't fit.
-pub(crate) fn image_medium(gpu: &Gpu, buffers: &ImageBuffers, volume: &ContextVolume) -> Result<Medium, RenderError> {
+pub(crate) fn image_medium(
+    gpu: &Gpu,
+    buffers: &ImageBuffers,
+    volume: &ContextVolume,
+) -> Result<Medium, RenderError> {
     let limit = gpu.storage_limit();
     let Some(field) = Field::fitting(volume, limit) else {
         return Err(RenderError::Volume { found: volume.grid().voxel_count() as u64 * 4, limit });

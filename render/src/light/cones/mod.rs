@@ -6,11 +6,11 @@
 pub(crate) mod grid;
 #[cfg(test)]
 mod grid_tests;
+pub(crate) mod medium;
 #[cfg(test)]
 mod monte_carlo_tests;
 #[cfg(test)]
 mod parts_tests;
-pub(crate) mod medium;
 pub(crate) mod pyramid;
 pub(crate) mod settings;
 #[cfg(test)]
@@ -39,11 +39,7 @@ use crate::{
         pipelines::{BindingKind, bind_group_layout, compute_pipeline},
         runner::{Dispatch, PassRunner, Shader, workgroups_of},
     },
-    image::{
-        ContextVolume, TransferFunction,
-        tables::Dimensions,
-        volume::BRICK,
-    },
+    image::{ContextVolume, TransferFunction, tables::Dimensions, volume::BRICK},
     scene::{LightSettings, LightingMode, Plan, Quality, same},
     solid::view::{HAS_OCCLUSION, LINEAR_LIGHT},
 };
@@ -89,6 +85,7 @@ pub(super) const ROW: LightRow = LightRow {
         layouts: uniforms::LAYOUTS,
         variants: &[LightSettings::DEFAULT.variant],
         max_twin_error: grid_tests::max_twin_error,
+        decided_by_rounding: 0.0,
     },
     start: |gpu| Box::new(ConeLight::new(gpu)),
 };

@@ -156,8 +156,7 @@ impl AmbientLight {
         self.cells.write(gpu, scene, image, count);
         let known = self.found.take().filter(|found| {
             Arc::ptr_eq(&found.volume, image.volume)
-                && (found.cell_mm, found.radius_mm, found.clusters)
-                    == (settings.cell_mm, radius_mm, clusters)
+                && (found.cell_mm, found.radius_mm, found.clusters) == (settings.cell_mm, radius_mm, clusters)
         });
         let mut work = LightWork { bytes: 12 * u64::from(count), ..LightWork::default() };
         let mut found = match known {
@@ -176,10 +175,8 @@ impl AmbientLight {
                     cell_mm: settings.cell_mm,
                     radius_mm,
                     clusters,
-                    cluster_of: gpu.storage(
-                        "AmbientLight::cluster_of",
-                        bytemuck::cast_slice(&neighborhoods.cluster_of),
-                    ),
+                    cluster_of: gpu
+                        .storage("AmbientLight::cluster_of", bytemuck::cast_slice(&neighborhoods.cluster_of)),
                     of_cluster: gpu.buffer_with(
                         "AmbientLight::of_cluster",
                         bytemuck::cast_slice(&of_cluster),
@@ -202,10 +199,8 @@ impl AmbientLight {
         }
         let groups = count.max(1).div_ceil(64);
         let across = groups.min(4096);
-        let entries = [
-            (30, found.cluster_of.as_entire_binding()),
-            (33, found.of_cluster.as_entire_binding()),
-        ];
+        let entries =
+            [(30, found.cluster_of.as_entire_binding()), (33, found.of_cluster.as_entire_binding())];
         let Some(of_grid) = self.cells.entries() else { return Ok(notes) };
         let workgroups = [across, groups.div_ceil(across), 1];
         let entries = [&entries[..], &of_grid].concat();

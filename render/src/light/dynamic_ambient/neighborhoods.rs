@@ -159,9 +159,7 @@ fn centers_of(histograms: &[&Histogram], count: usize) -> Vec<Center> {
     let mut far: Vec<f64> = vec![f64::INFINITY; histograms.len()];
     while centers.len() < count {
         let Some(last) = centers.last() else { break };
-        far.par_iter_mut()
-            .zip(histograms)
-            .for_each(|(far, h)| *far = far.min(last.distance(h, squared(h))));
+        far.par_iter_mut().zip(histograms).for_each(|(far, h)| *far = far.min(last.distance(h, squared(h))));
         let all: f64 = far.iter().sum();
         // All the rest are seeds already.
         if all <= 1e-9 {
@@ -231,9 +229,8 @@ impl Neighborhoods {
 
 /// Light through the mean optical thickness of a histogram.
 pub(super) fn light_of(histogram: &Histogram, extinction: &[f64]) -> f64 {
-    let of = |(bin, mm): &(u16, f32)| {
-        f64::from(*mm) * extinction.get(usize::from(*bin)).copied().unwrap_or(0.0)
-    };
+    let of =
+        |(bin, mm): &(u16, f32)| f64::from(*mm) * extinction.get(usize::from(*bin)).copied().unwrap_or(0.0);
     (-histogram.iter().map(of).sum::<f64>()).exp()
 }
 
@@ -243,8 +240,7 @@ pub(super) fn histograms(field: &Field, cells: &Cells, radius_mm: f64) -> (Vec<H
     let directions = spread(DIRECTIONS, 180.0);
     let of_cell = |n: usize| {
         let p = ijk(cells.dims, n);
-        let middle: [f64; 3] =
-            std::array::from_fn(|a| (p[a] as f64 + 0.5) * cells.voxels[a] as f64 - 0.5);
+        let middle: [f64; 3] = std::array::from_fn(|a| (p[a] as f64 + 0.5) * cells.voxels[a] as f64 - 0.5);
         histogram(field, &bin_of_voxel, DVec3::from_array(middle), (&directions, radius_mm))
     };
     ((0..cells.count()).into_par_iter().map(of_cell).collect(), bins)

@@ -31,12 +31,8 @@ use crate::{
 const RADIUS_MM: f64 = 8.0;
 
 fn lit(cell_mm: f64, clusters: u32) -> Quality {
-    let lighting = LightSettings {
-        mode: LightingMode::DynamicAmbient,
-        cell_mm,
-        clusters,
-        ..LightSettings::DEFAULT
-    };
+    let lighting =
+        LightSettings { mode: LightingMode::DynamicAmbient, cell_mm, clusters, ..LightSettings::DEFAULT };
     Quality { lighting, occlusion_radius_mm: RADIUS_MM, ..Quality::FULL }
 }
 

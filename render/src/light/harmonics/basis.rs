@@ -21,8 +21,7 @@ pub(crate) fn values(order: u32, direction: DVec3) -> Vec<f64> {
         for l in m..=order {
             if l > m {
                 let [l, m] = [l, m].map(f64::from);
-                (before, here) =
-                    (here, ((2.0 * l - 1.0) * z * here - (l + m - 1.0) * before) / (l - m));
+                (before, here) = (here, ((2.0 * l - 1.0) * z * here - (l + m - 1.0) * before) / (l - m));
             }
             let norm = normalization(l, m) * here;
             let middle = (l * l + l) as usize;
@@ -171,7 +170,8 @@ mod tests {
         let all = spread(64, 180.0);
         assert!(all.iter().sum::<DVec3>().length() / 64.0 < 0.01);
         assert!(all.iter().all(|d| (d.length() - 1.0).abs() < 1e-12));
-        let y = all.iter().map(|d| values(3, *d)).reduce(|a, b| a.iter().zip(b).map(|(a, b)| a + b).collect());
+        let y =
+            all.iter().map(|d| values(3, *d)).reduce(|a, b| a.iter().zip(b).map(|(a, b)| a + b).collect());
         // What is visible everywhere has no other coefficient than the first.
         let others = y.unwrap().iter().skip(1).map(|y| (y * 4.0 * PI / 64.0).abs()).fold(0.0, f64::max);
         assert!(others < 0.08, "{others}");

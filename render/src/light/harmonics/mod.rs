@@ -351,9 +351,7 @@ impl HarmonicLight {
             everywhere: scene.opaque == Opaque::Anywhere,
         };
         let held = self.held.take();
-        let is_done = |held: &Projection| {
-            held.key.same(&key) && (!held.pending || passes.completed(PROJECT))
-        };
+        let is_done = |held: &Projection| held.key.same(&key) && (!held.pending || passes.completed(PROJECT));
         if held.as_ref().is_some_and(is_done) {
             let held = held.map(|held| Projection { pending: false, ..held });
             let needed = held.as_ref().map_or(0, |held| held.needed_count);
@@ -453,8 +451,7 @@ impl HarmonicLight {
     ) -> Result<(), RenderError> {
         let (Some(held), Some(of_grid)) = (&self.held, self.cells.entries()) else { return Ok(()) };
         let factors = sky(settings.order, towards, settings.half_angle_deg, settings.everywhere);
-        let mut uniform =
-            Sky { functions: factors.len() as u32, sets: held.sets, ..Sky::default() };
+        let mut uniform = Sky { functions: factors.len() as u32, sets: held.sets, ..Sky::default() };
         for (to, factor) in uniform.factors.iter_mut().flatten().zip(&factors) {
             *to = *factor as f32;
         }

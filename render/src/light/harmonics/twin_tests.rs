@@ -121,9 +121,8 @@ fn twin_error(renderer: &mut ContextRenderer, scene: &ContextScene, quality: &Qu
                         sums[1][k] += past * value * each;
                     }
                 }
-                let [image, both] = sums.map(|sum| {
-                    sum.iter().zip(&factors).map(|(v, f)| v * f).sum::<f64>().clamp(0.0, 1.0)
-                });
+                let [image, both] =
+                    sums.map(|sum| sum.iter().zip(&factors).map(|(v, f)| v * f).sum::<f64>().clamp(0.0, 1.0));
                 ([image, both.min(image)], ambiguous)
             };
             let ((here, ambiguous), (moved, _)) = (light(0.0), light(2e-3));

@@ -48,6 +48,7 @@ pub(super) const ROW: LightRow = LightRow {
         layouts: &[],
         variants: &[crate::scene::LightSettings::DEFAULT.variant],
         max_twin_error: twin_tests::max_twin_error,
+        decided_by_rounding: 0.0,
     },
     start: |gpu| Box::new(ScreenLight::new(gpu)),
 };

@@ -165,7 +165,12 @@ impl Light for ShadowVolumeLight {
 }
 
 /// Room for this many cells of 4 bytes.
-fn room(gpu: &Gpu, held: &mut Option<(wgpu::Buffer, u64)>, label: &str, cells: u64) -> Result<(), RenderError> {
+fn room(
+    gpu: &Gpu,
+    held: &mut Option<(wgpu::Buffer, u64)>,
+    label: &str,
+    cells: u64,
+) -> Result<(), RenderError> {
     if held.as_ref().is_none_or(|(_, room)| *room != cells) {
         *held = None;
         gpu.check_size("light of cells", 4 * cells)?;
@@ -300,7 +305,9 @@ impl ShadowVolumeLight {
         }
         self.work = Some(work);
         let slices = gpu.buffer_with("ShadowVolumeLight::slices", &uniforms, wgpu::BufferUsages::UNIFORM);
-        let (Some((carried, _)), Some(of_grid)) = (&self.carried, self.cells.entries()) else { return Ok(()) };
+        let (Some((carried, _)), Some(of_grid)) = (&self.carried, self.cells.entries()) else {
+            return Ok(());
+        };
         let open = self.open.as_ref().map_or(&self.placeholder, |(open, _)| open);
         let entries = [
             (0, scene.view.as_entire_binding()),

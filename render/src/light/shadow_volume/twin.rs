@@ -9,12 +9,7 @@ use super::plan::Sweep;
 use crate::light::{cones::grid::Cells, half_angle::twin::LampTwin};
 
 /// Light of each cell by these sweeps: past the image, and past image and masks.
-pub(super) fn cells_of(
-    twin: &LampTwin<'_>,
-    grid: &Grid,
-    cells: &Cells,
-    sweeps: &[Sweep],
-) -> Vec<[f64; 2]> {
+pub(super) fn cells_of(twin: &LampTwin<'_>, grid: &Grid, cells: &Cells, sweeps: &[Sweep]) -> Vec<[f64; 2]> {
     let light = twin.turned(twin.light);
     let middle = |p: [usize; 3]| {
         let index: [f64; 3] = std::array::from_fn(|a| (p[a] as f64 + 0.5) * cells.voxels[a] as f64 - 0.5);
@@ -45,8 +40,8 @@ pub(super) fn cells_of(
                         let at: [f64; 3] = std::array::from_fn(|a| low[a] + up[a] as f64);
                         let inside = (0..3).all(|a| at[a] >= 0.0 && at[a] < cells.dims[a] as f64);
                         if weight > 0.0 {
-                            arrives += weight
-                                * if inside { carried[number(at.map(|c| c as usize))] } else { 1.0 };
+                            arrives +=
+                                weight * if inside { carried[number(at.map(|c| c as usize))] } else { 1.0 };
                         }
                     }
                     let c = middle(p);
@@ -71,11 +66,8 @@ pub(super) fn cells_of(
         .map(|n| {
             let c = middle(place(n));
             let hidden = twin.voxels.as_ref().is_some_and(|voxels| {
-                let to_eye = if twin.light.z > 0.0 {
-                    twin.sight.depth_mm(c) / twin.light.z
-                } else {
-                    f64::INFINITY
-                };
+                let to_eye =
+                    if twin.light.z > 0.0 { twin.sight.depth_mm(c) / twin.light.z } else { f64::INFINITY };
                 voxels.hidden(&Ray { origin_mm: c, direction: -light }, to_eye.clamp(0.0, 120.0))
             });
             [sum[n], if hidden { 0.0 } else { sum[n] }]

@@ -85,6 +85,7 @@ pub(super) const ROW: LightRow = LightRow {
         layouts: uniforms::LAYOUTS,
         variants: &[SliceVariant::PaperExact, SliceVariant::PaperApproximate, SliceVariant::Mended],
         max_twin_error: twin_tests::max_twin_error,
+        decided_by_rounding: 0.0,
     },
     start: |gpu| Box::new(SliceLight::new(gpu)),
 };
@@ -250,7 +251,7 @@ impl Light for SliceLight {
             notes: buffers.map(|b| &b.notes),
             carried_light: buffers.map(|b| &b.lights),
             eye: buffers.map(|b| &b.eye),
-            grid: None,
+            ..Default::default()
         }
     }
 

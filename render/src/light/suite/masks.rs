@@ -178,10 +178,7 @@ fn every_mask_scene_in_every_lighting_mode() {
                 match *name {
                     "plain" | "voxels 1:12" => {
                         // At this size screen-space light may find no pit.
-                        assert!(
-                            !from_eye(row) || found.darkness() > 2.0,
-                            "{mode:?} {name}: pits are dark"
-                        );
+                        assert!(!from_eye(row) || found.darkness() > 2.0, "{mode:?} {name}: pits are dark");
                     }
                     "one mask" if coarsest_level == 0 => before = Some(found.dark),
                     "five masks on the same voxels" if coarsest_level == 0 => {

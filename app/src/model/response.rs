@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 
 use glioscope_core::{
-    case::Case,
+    case::{Case, TimePoint},
+    dates::leading_date,
     lesions::{Anchor, LesionsReport},
-    response::{Assessment, Criterion, History, name_of},
+    response::{Assessment, Criterion, Fact, History, Label, name_of},
 };
 use serde::{Deserialize, Serialize};
 
@@ -46,6 +47,20 @@ impl ResponseSetting {
         match &mut self.history {
             Some(history) => (history.criterion, history.assessment) = (criterion, assessment),
             None => self.history = Some(History::new(criterion, assessment)),
+        }
+    }
+
+    /// Proposes the baseline where the choice is none: the first of two scans with `mask`, as only that has a later one. What is
+    /// stated stays; dates without a day have no order to tell.
+    pub fn propose_baseline(&mut self, case: &Case, mask: Option<&str>) {
+        let Some(history) = self.history.as_mut().filter(|history| history.baseline.is_none()) else { return };
+        let [one, two] = case.time_points.as_slice() else { return };
+        let has_mask =
+            |time: &TimePoint| time.masks.iter().any(|with| mask.is_some_and(|id| with.mask.id() == id));
+        let (Some(a), Some(b)) = (leading_date(&one.label), leading_date(&two.label)) else { return };
+        if a != b && has_mask(one) && has_mask(two) {
+            let first = if a < b { one } else { two };
+            history.baseline = Some(Fact::proposed(Label(first.label.clone())));
         }
     }
 

@@ -515,7 +515,7 @@ impl Content<'_> {
         if rows.is_empty() {
             return Vec::new();
         }
-        let mut notes = vec![words.get("lesions-note")];
+        let mut notes = vec![words.get("lesions-note"), words.get("digits-note")];
         let mut counted = |key: &str, count: usize| {
             let least = words.ml(report.smallest_ml);
             let sentence = words.with(key, &[("count", count.to_string()), ("least", least)]);
@@ -609,7 +609,7 @@ impl Content<'_> {
             };
             let diameters = match (date.d1_mm, date.d2_mm) {
                 (Some(d1), Some(d2)) => {
-                    let mut text = words.number(&format!("{d1:.1} × {d2:.1} mm"));
+                    let mut text = words.number(&format!("{d1:.2} × {d2:.2} mm"));
                     if date.measurable == Some(false) {
                         text = format!("{text}, {}", words.get("not-measurable"));
                     }
@@ -617,7 +617,8 @@ impl Content<'_> {
                 }
                 _ => String::new(),
             };
-            let product = date.product_mm2.map(|mm2| format!("{mm2:.0} mm²")).unwrap_or_default();
+            let product =
+                date.product_mm2.map(|mm2| words.number(&format!("{mm2:.1} mm²"))).unwrap_or_default();
             let became = |kind: &EventKind| {
                 let name: &str = kind.into();
                 words.get(&format!("event-{name}"))

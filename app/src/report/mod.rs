@@ -18,6 +18,7 @@ mod responses;
 mod self_checks;
 mod sentences;
 mod stated;
+mod targets;
 
 use std::sync::Arc;
 
@@ -25,7 +26,7 @@ use glioscope_core::{
     Check, Progress,
     case::Case,
     change::{self, ChangeReport, Choice},
-    lesions::LesionsReport,
+    lesions::{LesionDate, LesionsReport, new_lesions},
     measure,
     response::{Evaluated, NewLesion},
     self_check::{self, SelfCheckError, SelfCheckReport},
@@ -56,6 +57,8 @@ use recipe::Input;
 const LONGER_PX: f32 = 1100.0;
 /// The size of a diagram of columns, pixels.
 const PLOT_OF_MANY_PX: [u32; 2] = [1300, 1100];
+/// New lesions that have a picture of their own.
+const MOST_NEW: usize = 3;
 /// The shorter side of one, at least.
 const LEAST_PX: f32 = 300.0;
 
@@ -198,9 +201,13 @@ pub fn make(
     let (warnings, notes) = content.findings(&own, &[contradictions, old_calls].concat());
     blocks.extend(warnings);
     blocks.extend(content.conclusion());
-    let of_response =
-        evaluated.map(|evaluated| responses::blocks(evaluated, lesions.as_deref(), &words, &redactor));
-    // With a call, the first page is for it, and for what shows it.
+    // With a call, the first page is for it: why, of which lesions, and what the reader stated.
+    let of_response = evaluated.map(|evaluated| {
+        let mut of = responses::blocks(evaluated, lesions.as_deref(), &words, &redactor);
+        of.extend(targets::blocks(evaluated, lesions.as_deref(), &words, &redactor));
+        of.extend(stated::blocks(&evaluated.stated, &words, &redactor, is_named));
+        of
+    });
     let summary_first = of_response.is_none();
     if summary_first {
         blocks.extend(content.summary(true));
@@ -208,13 +215,13 @@ pub fn make(
     blocks.extend(of_response.into_iter().flatten());
     if form.has_pictures() {
         blocks.push(Block::Heading(words.get("section-pictures")));
-        blocks.extend(pictures(case, doc, &words, painter, progress)?);
+        blocks.extend(pictures(case, doc, &content, painter, progress)?);
     }
     if !summary_first {
         blocks.extend(content.summary(false));
     }
-    let stated = evaluated.map(|evaluated| stated::blocks(&evaluated.stated, &words, &redactor, is_named));
-    blocks.extend(stated.into_iter().flatten());
+    let earlier = evaluated.map(|evaluated| responses::earlier(evaluated, &words, &redactor));
+    blocks.extend(earlier.into_iter().flatten());
     blocks.extend(responses::bt_rads(case, &doc.edit.response, &words));
     blocks.extend(content.changes());
     blocks.extend(content.lesions());
@@ -323,7 +330,8 @@ fn panes(case: &Case) -> Vec<(PaneId, &'static str)> {
         (PaneId::Overlap, "picture-overlap", has_overlap),
         (PaneId::Change, "picture-change", time_points.len() > 1),
         (PaneId::SideBySide, "picture-side-by-side", time_points.len() > 1 && has_image),
-        (PaneId::Axial, "picture-axial", true),
+        // It has the axial slice of every date.
+        (PaneId::Axial, "picture-axial", !(time_points.len() > 1 && has_image)),
         (PaneId::Coronal, "picture-coronal", true),
         (PaneId::Sagittal, "picture-sagittal", true),
     ];
@@ -334,10 +342,11 @@ fn panes(case: &Case) -> Vec<(PaneId, &'static str)> {
 fn pictures(
     case: &Case,
     doc: &Document,
-    words: &Words,
+    content: &Content<'_>,
     painter: &mut dyn Painter,
     progress: &Progress,
 ) -> Result<Vec<Block>, AppError> {
+    let words = content.words;
     let mut blocks = Vec::new();
     if doc.edit.pictures.is_empty() {
         for (pane, key) in panes(case) {
@@ -346,9 +355,12 @@ fn pictures(
             let many = case.time_points.iter().any(|time| time.masks.len() > MAX_RING_MASKS);
             let size = if pane == PaneId::Overlap && many { PLOT_OF_MANY_PX } else { size };
             let rgba = painter.picture(pane, size)?;
-            let caption = caption(case, doc, pane, &words.get(key), words);
+            let caption = caption_of(case, doc, pane, &words.get(key), words);
             let name = pane.row().cli.unwrap_or(key).to_owned();
             blocks.push(Block::Picture(Picture { name, caption, size, rgba }));
+            if matches!(pane, PaneId::SideBySide | PaneId::Axial) {
+                blocks.extend(new_lesions_shown(case, doc, (pane, size), content, painter)?);
+            }
         }
         return Ok(blocks);
     }
@@ -366,7 +378,7 @@ fn pictures(
             ("", None) => pane.tab().to_owned(),
             (caption, _) => caption.to_owned(),
         };
-        let caption = caption(case, &shown, pane, &own, words);
+        let caption = caption_of(case, &shown, pane, &own, words);
         let name = format!("{}-{}", n + 1, pane.row().cli.unwrap_or("view"));
         blocks.push(Block::Picture(Picture { name, caption, size, rgba }));
     }
@@ -374,8 +386,42 @@ fn pictures(
     Ok(blocks)
 }
 
+/// The largest new lesions of the last date, each in its axial slice.
+fn new_lesions_shown(
+    case: &Case,
+    doc: &Document,
+    (pane, size): (PaneId, [u32; 2]),
+    content: &Content<'_>,
+    painter: &mut dyn Painter,
+) -> Result<Vec<Block>, AppError> {
+    let (Some(report), Some(last)) = (content.lesions, case.time_points.last()) else { return Ok(Vec::new()) };
+    let new = new_lesions(report).filter(|(_, date)| date.time == last.label);
+    let part_of = |date: &LesionDate| {
+        let largest = date.parts.iter().max_by(|a, b| a.volume_ml.total_cmp(&b.volume_ml))?;
+        Some((largest.volume_ml, largest.diameters.d1.from_mm.midpoint(largest.diameters.d1.to_mm)))
+    };
+    let mut new: Vec<_> = new.filter_map(|(name, date)| Some((name, part_of(date)?))).collect();
+    new.sort_by(|(_, (a, _)), (_, (b, _))| b.total_cmp(a));
+    let mut blocks = Vec::new();
+    for (n, (name, (_, place_mm))) in new.into_iter().take(MOST_NEW).enumerate() {
+        let mut shown = doc.clone();
+        shown.nav.time = case.time_points.len() - 1;
+        // The whole slice, at the lesion.
+        shown.nav.mm_per_point = None;
+        shown.nav.pin_mm(place_mm);
+        painter.show(&shown);
+        let rgba = painter.picture(pane, size)?;
+        let caption =
+            content.words.with("picture-new-lesion", &[("lesion", content.redactor.text(name))]);
+        let caption = caption_of(case, &shown, pane, &caption, content.words);
+        blocks.push(Block::Picture(Picture { name: format!("new-lesion-{}", n + 1), caption, size, rgba }));
+    }
+    painter.show(doc);
+    Ok(blocks)
+}
+
 /// A caption with its date, and with which side is which.
-fn caption(case: &Case, doc: &Document, pane: PaneId, own: &str, words: &Words) -> String {
+fn caption_of(case: &Case, doc: &Document, pane: PaneId, own: &str, words: &Words) -> String {
     let side = match doc.nav.convention {
         Convention::Radiological => "picture-side-radiological",
         Convention::Neurological => "picture-side-neurological",

@@ -21,7 +21,7 @@ use crate::{
     words::{Language, Words},
 };
 
-/// The calls at all dates, then why.
+/// The calls at all dates, and why at the last: for the front.
 pub fn blocks(
     evaluated: &Evaluated,
     lesions: Option<&LesionsReport>,
@@ -47,12 +47,11 @@ pub fn blocks(
     };
     let mut blocks = vec![
         Block::Heading(words.with("section-response", std::slice::from_ref(&criteria))),
-        Block::Text(words.get("response-note")),
         Block::Table(Table {
             head: head.map(|key| words.get(key)).into(),
             text_columns: 3,
             rows: response.dates.iter().map(row).collect(),
-            note: None,
+            note: Some(words.get("response-caution")),
         }),
     ];
     let warning = |text: String| Finding { is_warning: true, text };
@@ -65,12 +64,54 @@ pub fn blocks(
     if *proposed_links > 0 {
         doubts.push(warning(words.with("lesions-links", &[("count", proposed_links.to_string())])));
     }
-    if !doubts.is_empty() {
-        blocks.insert(2, Block::Findings(doubts));
+    if let Some(date) = response.dates.last() {
+        let ([of_diameters, of_volume], mut missing) = why(date, words, redactor);
+        let named = [("by-diameters", &date.by_diameters, of_diameters), ("by-volume", &date.by_volume, of_volume)];
+        let facts = named.map(|(key, judgement, reasons)| {
+            (words.get(key), [vec![call(judgement, words)], reasons].concat().join("; "))
+        });
+        blocks.push(Block::Text(words.with("reasons-at", &[("date", date.date.clone())])));
+        blocks.push(Block::Facts(facts.into()));
+        doubts.append(&mut missing);
     }
-    let said = response.dates.iter().flat_map(|date| findings(date, words, redactor));
-    blocks.push(Block::Findings(said.collect()));
+    if !doubts.is_empty() {
+        blocks.push(Block::Findings(doubts));
+    }
     blocks
+}
+
+/// Why at the dates before the last, and how the criteria are known.
+pub fn earlier(evaluated: &Evaluated, words: &Words, redactor: &Redactor) -> Vec<Block> {
+    let before = evaluated.response.dates.split_last().map_or(&[][..], |(_, before)| before);
+    let said = before.iter().flat_map(|date| findings(date, words, redactor)).collect();
+    vec![
+        Block::Heading(words.get("section-reasons-earlier")),
+        Block::Findings(said),
+        Block::Text(words.get("response-note")),
+    ]
+}
+
+/// Why a date's calls are as they are, by diameters, and by volume what isn't said of diameters; and what is doubtful or missing.
+fn why(date: &DateResponse, words: &Words, redactor: &Redactor) -> ([Vec<String>; 2], Vec<Finding>) {
+    let [diameters, volume] =
+        [&date.by_diameters, &date.by_volume].map(|judgement| reasons(judgement, words));
+    let is_doubt = |(is_warning, _): &&(bool, String)| *is_warning;
+    let text = |(_, text): &(bool, String)| redactor.text(text.trim_end_matches('.'));
+    let others: Vec<(bool, String)> =
+        volume.iter().filter(|reason| !diameters.contains(reason)).cloned().collect();
+    let mut of_volume: Vec<String> = others.iter().filter(|r| !is_doubt(r)).map(text).collect();
+    if volume.iter().any(|reason| diameters.contains(reason) && !reason.0) {
+        of_volume.push(words.get("else-as-by-diameters"));
+    }
+    let of_diameters = diameters.iter().filter(|r| !is_doubt(r)).map(text).collect();
+    let doubts = diameters.iter().map(|reason| (volume.contains(reason), "reason-by-diameters-alone", reason));
+    let doubts = doubts.chain(others.iter().map(|reason| (false, "reason-by-volume-alone", reason)));
+    let doubts = doubts.filter(|(.., reason)| is_doubt(reason)).map(|(is_of_both, key, (_, text))| {
+        let text = if is_of_both { text.clone() } else { words.with(key, &[("reason", text.clone())]) };
+        Finding { is_warning: true, text: redactor.text(&text) }
+    });
+    let doubts = doubts.collect();
+    ([of_diameters, of_volume], doubts)
 }
 
 /// Why a date's calls are as they are, each with its date; with the way of measuring where it is true of one alone.
@@ -131,7 +172,7 @@ pub fn new_in_words(report: &LesionsReport, words: &Words) -> Option<String> {
 }
 
 /// A change in percent with its sign.
-fn signed(percent: f64, words: &Words) -> String {
+pub(super) fn signed(percent: f64, words: &Words) -> String {
     words.number(&format!("{percent:+.1} %")).replace('-', "\u{2212}")
 }
 
@@ -206,7 +247,7 @@ fn reasons(judgement: &Judgement, words: &Words) -> Vec<(bool, String)> {
             (false, words.with("noise-alone", &[("noise", noise)]))
         }));
     }
-    out.extend(judgement.missing.iter().map(|missing| {
+    out.extend(judgement.to_state().map(|missing| {
         let date = missing.date.as_ref().map(|date| format!(", {date}")).unwrap_or_default();
         let assumed = missing.assumption.as_ref();
         let assumed =

@@ -1,6 +1,6 @@
 //! What the reader stated for the response, as a table: what, of which scan, and by whom.
 
-use glioscope_core::response::History;
+use glioscope_core::response::{History, PROGRAM};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -43,7 +43,9 @@ pub fn blocks(history: &History, words: &Words, redactor: &Redactor, is_named: b
             for treatment in all {
                 let kind = rows.text(&value(&treatment.kind));
                 let name = treatment.name.as_deref().map(|name| format!(", {name}")).unwrap_or_default();
-                rows.row("treatment", "", Some(format!("{}: {kind}{name}", treatment.start)), "");
+                let by = [&treatment.author, &treatment.entered].into_iter().flatten();
+                let by = by.map(String::as_str).collect::<Vec<_>>().join(", ");
+                rows.row("treatment", "", Some(format!("{}: {kind}{name}", treatment.start)), &by);
             }
         }
     }
@@ -59,24 +61,42 @@ pub fn blocks(history: &History, words: &Words, redactor: &Redactor, is_named: b
     if rows.rows.is_empty() {
         return Vec::new();
     }
-    let columns = if is_named { 4 } else { 3 };
-    let mut rows = rows.rows;
+    let columns = if is_named { 3 } else { 2 };
+    let mut rows = grouped(&rows.rows, is_named, words);
     for row in &mut rows {
         row.truncate(columns);
         for cell in row.iter_mut() {
             *cell = redactor.text(cell);
         }
     }
-    let head = ["stated-what", "stated-scan", "stated-that", "stated-by"].map(|key| words.get(key));
+    let head = ["stated-scan", "stated-that", "stated-by"].map(|key| words.get(key));
     vec![
         Block::Heading(words.get("section-stated")),
         Block::Table(Table { head: head[..columns].to_vec(), text_columns: columns, rows, note: None }),
     ]
 }
 
+/// A fact: what, of which scan, what of it, and by whom.
+type Stated = [String; 4];
+
+/// A row for what was stated of a scan, or of the patient; where authors are shown, by one of them on a day.
+fn grouped(all: &[Stated], is_named: bool, words: &Words) -> Vec<Vec<String>> {
+    let mut rows: Vec<[String; 3]> = Vec::new();
+    for [what, scan, stated, by] in all {
+        let scan = if scan.is_empty() { words.get("patient") } else { scan.clone() };
+        let said = format!("{what}: {stated}");
+        let same = rows.iter_mut().find(|row| row[0] == scan && (!is_named || row[2] == *by));
+        match same {
+            Some(row) => row[1] = format!("{}; {said}", row[1]),
+            None => rows.push([scan, said, by.clone()]),
+        }
+    }
+    rows.into_iter().map(Vec::from).collect()
+}
+
 struct Rows<'a> {
     words: &'a Words,
-    rows: Vec<Vec<String>>,
+    rows: Vec<Stated>,
 }
 
 impl Rows<'_> {
@@ -84,15 +104,19 @@ impl Rows<'_> {
     fn fact(&mut self, key: &str, scan: &str, fact: Option<&Value>, unit: &str) {
         let Some(fact) = fact.filter(|fact| !fact.is_null()) else { return };
         let part = |name: &str| fact.get(name).and_then(Value::as_str);
+        let stated = self.text(fact.get("value").unwrap_or(fact)) + unit;
+        if part("author") == Some(PROGRAM) {
+            let stated = format!("{stated} ({})", self.words.get("stated-proposed"));
+            return self.row(key, scan, Some(stated), "");
+        }
         let by: Vec<&str> = ["author", "entered"].into_iter().filter_map(part).collect();
-        let stated = self.text(fact.get("value").unwrap_or(fact));
-        self.row(key, scan, Some(stated + unit), &by.join(", "));
+        self.row(key, scan, Some(stated), &by.join(", "));
     }
 
     fn row(&mut self, key: &str, scan: &str, stated: Option<String>, by: &str) {
         let Some(stated) = stated else { return };
         let what = self.words.get(&format!("stated-{}", key.replace('_', "-")));
-        self.rows.push(vec![what, scan.to_owned(), stated, by.to_owned()]);
+        self.rows.push([what, scan.to_owned(), stated, by.to_owned()]);
     }
 
     /// A value in words: one of a choice by its name, several with commas, dates and labels as they are.
@@ -122,6 +146,8 @@ fn value(of: &impl Serialize) -> Value {
 
 #[cfg(test)]
 mod tests {
+    use glioscope_core::response::{Fact, Label};
+
     use super::*;
     use crate::{report::sentences::words, words::Language};
 
@@ -166,7 +192,7 @@ mod tests {
                     assert_eq!(rows.len(), 1, "{key} {choice}");
                     assert!(!rows[0].iter().any(|cell| cell.contains("stated-")), "{language:?}: {rows:?}");
                     let known = words(language).get(&format!("stated-{choice}"));
-                    assert_eq!(rows[0][2], known);
+                    assert!(rows[0][1].ends_with(&format!(": {known}")), "{rows:?}");
                 }
             }
         }
@@ -179,13 +205,28 @@ mod tests {
             "steroids_mg = 4\nnew_lesions_looked_for = true",
         );
         let rows = cells(&of, Language::De, true);
-        assert_eq!(rows[0][2..], ["2024-01-01", "A. B., 2024-05-01"]);
-        assert_eq!(rows[1][2], "keine");
-        assert_eq!(rows[2][2], "keine");
-        let all = rows.concat();
-        assert!(all.contains(&"4 mg".to_owned()) && all.contains(&"ja".to_owned()), "{rows:?}");
+        assert_eq!(rows[0], ["Patient", "Ausgangsbefund: 2024-01-01", "A. B., 2024-05-01"]);
+        // What has another author, or none, stands in another row.
+        assert_eq!(rows[1][1].matches(": keine").count(), 2, "{rows:?}");
+        assert_eq!(rows[1][2], "");
+        assert!(rows[2][1].contains(": 4 mg") && rows[2][1].contains(": ja"), "{rows:?}");
+        assert_eq!(rows.len(), 3, "{rows:?}");
         let unnamed = cells(&of, Language::En, false).concat();
+        assert_eq!(unnamed.len(), 4, "a row for the patient, and one for the scan: {unnamed:?}");
         assert!(!unnamed.iter().any(|cell| cell.contains("A. B.")), "{unnamed:?}");
         assert_eq!(cells(&history("", ""), Language::En, true), Vec::<Vec<String>>::new());
+    }
+
+    #[test]
+    fn treatments_have_an_author_and_a_proposed_baseline_has_none() {
+        let treatment = "treatment = [{ start = 2024-02-05, kind = \"drug\", author = \"C. D.\", entered = 2024-05-01 }]";
+        let mut of = history(treatment, "");
+        of.baseline = Some(Fact::proposed(Label("2024-01-01".into())));
+        let rows = cells(&of, Language::En, true);
+        assert_eq!(rows[0], ["Patient", "Baseline: 2024-01-01 (proposed by the program)", ""]);
+        assert_eq!(rows[1], ["Patient", "Treatment: 2024-02-05: drug", "C. D., 2024-05-01"]);
+        let unnamed = cells(&of.without_authors(), Language::En, false).concat();
+        assert!(!unnamed.iter().any(|cell| cell.contains("C. D.")), "{unnamed:?}");
+        assert!(unnamed[1].contains("proposed by the program"), "{unnamed:?}");
     }
 }

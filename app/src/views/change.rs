@@ -46,6 +46,8 @@ pub fn pair_colors(palette: Palette) -> MaskColors {
     MaskColors::new(palette, &[Some(shrink), Some(grow)])
 }
 
+/// Room for all controls in lines of the pane, points; with less some are in a menu.
+const ONE_LINE: f32 = 700.0;
 /// The end of a fixed colour scale before a comparison is known, millimetres.
 const DEFAULT_SCALE_MM: f64 = 5.0;
 
@@ -278,7 +280,7 @@ fn controls(ui: &mut Ui, input: &Input<'_>, chosen: &Choice, scale_mm: Option<f6
     let mut new = setting.clone();
     ui.add_space(4.0);
     let (ids, masks) = (ids_at(input.case, chosen.dates), &input.doc.edit.masks);
-    let combo = ComboBox::from_id_salt("compared mask").selected_text(masks.name(&chosen.id)).width(70.0);
+    let combo = ComboBox::from_id_salt("compared mask").selected_text(masks.name(&chosen.id)).width(70.0).truncate();
     let response = combo.show_ui(ui, |ui| {
         for id in ids {
             if ui.selectable_label(chosen.id == id, masks.name(id)).clicked() {
@@ -297,7 +299,32 @@ fn controls(ui: &mut Ui, input: &Input<'_>, chosen: &Choice, scale_mm: Option<f6
             new.style = style;
         }
     }
-    let (value, prefix, name, tip, max_mm) = match setting.style {
+    if ui.max_rect().width() >= ONE_LINE {
+        measures(ui, input, &mut new, scale_mm);
+    } else {
+        let menu = egui::containers::menu::MenuButton::new("Measures").config(stays_open());
+        let (button, _) = menu.ui(ui, |ui| {
+            ui.set_max_width(180.0);
+            measures(ui, input, &mut new, scale_mm);
+        });
+        button.on_hover_text("Smoothing, scale, uncertainty of the registration, small components");
+    }
+    ui.checkbox(&mut new.outlines_earlier, "earlier outline")
+        .on_hover_text("A blue line around what the earlier date shows, drawn over everything");
+    ui.checkbox(&mut new.on_slices, "on slices").on_hover_text("Slices show both outlines and what changed");
+    if new != *setting {
+        out.push(EditCommand::SetChange(Box::new(new)));
+    }
+}
+
+/// A menu that a click into it leaves open.
+fn stays_open() -> egui::containers::menu::MenuConfig {
+    egui::containers::menu::MenuConfig::new().close_behavior(egui::PopupCloseBehavior::CloseOnClickOutside)
+}
+
+/// How change is measured and coloured.
+fn measures(ui: &mut Ui, input: &Input<'_>, new: &mut ChangeSetting, scale_mm: Option<f64>) {
+    let (value, prefix, name, tip, max_mm) = match new.style {
         ChangeStyle::Height => (
             &mut new.smooth_mm,
             "smooth ",
@@ -339,12 +366,6 @@ fn controls(ui: &mut Ui, input: &Input<'_>, chosen: &Choice, scale_mm: Option<f6
     let response = ui.add(drag.prefix("small below "));
     response.widget_info(|| WidgetInfo::labeled(Role::SpinButton, true, "Small components"));
     response.on_hover_text("Smaller components make neither appeared, vanished, split nor merged");
-    ui.checkbox(&mut new.outlines_earlier, "earlier outline")
-        .on_hover_text("A blue line around what the earlier date shows, drawn over everything");
-    ui.checkbox(&mut new.on_slices, "on slices").on_hover_text("Slices show both outlines and what changed");
-    if new != *setting {
-        out.push(EditCommand::SetChange(Box::new(new)));
-    }
 }
 
 /// Colour ramps with their range and statistics, the flags, and what the check on this case found.

@@ -361,6 +361,7 @@ fn volumes(ui: &mut Ui, input: &Input<'_>, compared: &Comparison) {
         selection: &selection,
         colors: &colors,
         mode: OverlapMode::Regions,
+        is_picture: true,
     };
     // Clicks are ignored: these regions aren't regions of the case.
     overlap::show_diagram(ui, &diagram, &mut Commands::default());

@@ -138,7 +138,7 @@ impl Pane for EllipsoidPane {
     fn show(&mut self, ui: &mut Ui, stage: &mut Stage<'_>, out: &mut Commands) {
         self.canvas.begin();
         let (input, ask) = (stage.input, stage.ask);
-        if !input.is_plain {
+        if !input.is_plain && !input.is_picture {
             ui.horizontal_wrapped(|ui| controls(ui, &input, out));
         }
         let rect = ui.available_rect_before_wrap();

@@ -6,7 +6,7 @@ use egui::{Context, Ui};
 
 use super::{GlioscopeApp, dialogs::Purpose, modal};
 use crate::{
-    command::{AppCommand, Command},
+    command::AppCommand,
     model::{CaseRef, session},
     world::jobs::Waker,
 };
@@ -173,14 +173,26 @@ fn question(ctx: &Context, title: &str, text: &str, buttons: &[(&str, Answer)]) 
 
 fn ask_unsaved(ctx: &Context, leaving: &Leaving) -> Option<Answer> {
     let next = match leaving {
-        Leaving::Close => "the window closes".to_owned(),
-        Leaving::Open(command) => {
-            format!("another case is opened ({})", Command::from(command.clone()).text())
-        }
+        Leaving::Close => "Glioscope closes".to_owned(),
+        Leaving::Open(command) => match name_of(command) {
+            Some(name) => format!("{name} is opened"),
+            None => "the other case is opened".to_owned(),
+        },
     };
-    let text = format!("The session has unsaved changes. Save them before {next}?");
+    let text = format!("Your work on this case isn't saved. Save it before {next}?");
     let buttons = [("Save", Answer::Save), ("Discard", Answer::Discard), ("Cancel", Answer::Cancel)];
     question(ctx, "Unsaved changes", &text, &buttons)
+}
+
+/// What is opened next, where it has a name.
+fn name_of(command: &AppCommand) -> Option<String> {
+    let path = match command {
+        AppCommand::OpenSample | AppCommand::Open(CaseRef::Sample) => return Some("the sample".to_owned()),
+        AppCommand::Open(CaseRef::Path(path)) | AppCommand::OpenSession(path) => path,
+        AppCommand::Open(CaseRef::Files { folder, .. }) => folder,
+        _ => return None,
+    };
+    Some(format!("“{}”", path.file_name()?.to_string_lossy()))
 }
 
 fn ask_left_behind(ctx: &Context, path: &Path) -> Option<Answer> {

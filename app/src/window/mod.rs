@@ -509,8 +509,11 @@ impl GlioscopeApp {
         };
         let (colors, selection) = (world.colors(doc), world.selection(doc));
         let setting = &doc.edit.change;
+        let dates = case.time_points.len();
         let is_shown = |pane| match alone.or(doc.edit.maximized) {
-            Some(maximized) => maximized == pane,
+            Some(maximized) => {
+                maximized == pane || (alone.is_none() && panes::beside(maximized, dates) == Some(pane))
+            }
             None => layout::contains(&doc.edit.layout, pane),
         };
         if setting.on_slices || (is_shown(PaneId::SideBySide) && case.time_points.len() > 1) {

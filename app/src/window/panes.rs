@@ -36,6 +36,11 @@ pub fn show(ui: &mut Ui, area: &mut PaneArea<'_>) {
                 });
             });
         });
+        if let Some(beside) = beside(pane, area.shared.input.case.time_points.len()) {
+            let width = ui.available_width();
+            let panel = egui::Panel::right("beside maximized").frame(egui::Frame::NONE);
+            panel.resizable(true).default_size(0.42 * width).show(ui, |ui| area.pane(ui, beside));
+        }
         egui::CentralPanel::default().frame(egui::Frame::NONE).show(ui, |ui| area.pane(ui, pane));
         return;
     }
@@ -45,6 +50,11 @@ pub fn show(ui: &mut Ui, area: &mut PaneArea<'_>) {
     if layout != edit.layout {
         area.out.push(EditCommand::SetLayout(Box::new(layout)));
     }
+}
+
+/// What stays beside a maximised pane: the images of several dates, while calls are made of them.
+pub fn beside(maximized: PaneId, dates: usize) -> Option<PaneId> {
+    (maximized == PaneId::Response && dates > 1).then_some(PaneId::SideBySide)
 }
 
 impl PaneArea<'_> {

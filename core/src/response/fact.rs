@@ -17,6 +17,9 @@ use serde::{
 /// The author of facts that the masks show.
 pub(super) const MASKS: &str = "the masks";
 
+/// The author of a fact that the program proposed and nobody confirmed.
+pub const PROGRAM: &str = "the program";
+
 /// A statement, and who entered it when. In TOML the value itself, or `{ value = …, author = "…", entered = 2024-05-01 }`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fact<T> {
@@ -32,6 +35,16 @@ impl<T> Fact<T> {
     /// A fact without an author.
     pub fn of(value: T) -> Self {
         Self { value, author: None, entered: None }
+    }
+
+    /// A fact that nobody stated: shown as a proposal until somebody confirms it.
+    pub fn proposed(value: T) -> Self {
+        Self { value, author: Some(PROGRAM.to_owned()), entered: None }
+    }
+
+    /// Whether nobody has stated it.
+    pub fn is_proposed(&self) -> bool {
+        self.author.as_deref() == Some(PROGRAM)
     }
 
     /// Who stated it, for the end of a reason: `(A. B., 2024-05-01)`.

@@ -1,12 +1,12 @@
 //! The history of a patient, as the user states it: a TOML file of facts that images don't show, and, where the program
 //! doesn't measure them itself, the measurements.
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 use strum::{IntoStaticStr, VariantArray};
 use thiserror::Error;
 
 use super::{
-    fact::{Fact, Label, Radiotherapy, When},
+    fact::{Fact, Label, PROGRAM, Radiotherapy, When},
     rules::Criterion,
 };
 
@@ -84,6 +84,17 @@ pub struct Treatment {
     pub kind: TreatmentKind,
     /// What it is.
     pub name: Option<String>,
+    /// Who stated it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub author: Option<String>,
+    /// Day on which it was entered.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "text_of_day")]
+    pub entered: Option<String>,
+}
+
+/// A day as text: TOML may have it without quotes.
+fn text_of_day<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<String>, D::Error> {
+    Ok(Option::<Label>::deserialize(deserializer)?.map(|label| label.0))
 }
 
 /// A resection.
@@ -358,10 +369,13 @@ pub struct History {
 }
 
 impl History {
-    /// Without who stated its facts, and when.
+    /// Without who stated its facts, and when. What the program proposed stays told from what somebody stated.
     #[must_use]
     pub fn without_authors(mut self) -> Self {
-        self.each_statement(&|author, entered| (*author, *entered) = (None, None));
+        self.each_statement(&|author, entered| {
+            author.take_if(|author| author != PROGRAM);
+            *entered = None;
+        });
         self
     }
 
@@ -384,6 +398,9 @@ impl History {
         on(&mut self.disease, change);
         on(&mut self.radiotherapy_end, change);
         on(&mut self.baseline, change);
+        for treatment in self.treatment.iter_mut().flatten() {
+            change(&mut treatment.author, &mut treatment.entered);
+        }
         for facts in &mut self.date {
             on(&mut facts.steroids_mg, change);
             on(&mut facts.steroids_reason, change);

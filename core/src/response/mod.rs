@@ -30,7 +30,7 @@ mod tests;
 mod timeline;
 
 pub use bt_rads::{Answer, BtRads, Category as BtRadsCategory, Question, bt_rads, bt_rads_answered};
-pub use fact::{Fact, Label, Radiotherapy, When};
+pub use fact::{Fact, Label, PROGRAM, Radiotherapy, When};
 pub use history::{
     Assessment, Clinical, Compartment, Disease, Field, Flair, Histology, History, HistoryError, Measurement,
     NewLesion, NonTarget, Part, Repeatabilities, Repeatability, ScanFacts, SteroidReason, Surgery, Technique,

@@ -12,6 +12,7 @@ templates! {
 
     // How the baseline was chosen, or why not.
     BASELINE_STATED = "baseline {scan}, as stated in the history";
+    BASELINE_FIRST_OF_TWO = "baseline {scan}, the only scan with a later one: proposed by the program";
     BASELINE_AFTER_SURGERY = "baseline {scan}, the first scan after surgery";
     BASELINE_BEFORE_TREATMENT = "baseline {scan}, the last scan within {days} days before treatment";
     BASELINE_AFTER_RADIOTHERAPY = "baseline {scan}, {days} days after radiotherapy";

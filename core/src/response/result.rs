@@ -114,6 +114,16 @@ pub struct Judgement {
     pub sums: Vec<SumReport>,
 }
 
+impl Judgement {
+    /// The missing inputs that can be stated now: why steroids were raised is no question before a dose is known.
+    pub fn to_state(&self) -> impl Iterator<Item = &Missing> {
+        let lacks_dose = |of: &Missing| {
+            self.missing.iter().any(|other| other.input == Input::Steroids && other.date == of.date)
+        };
+        self.missing.iter().filter(move |one| one.input != Input::SteroidsReason || !lacks_dose(one))
+    }
+}
+
 /// State of a confirmation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]

@@ -176,10 +176,15 @@ pub(super) fn epochs<'a>(history: &'a History, scans: &[Scan<'a>]) -> Result<Vec
         let was_judged = epochs.iter().any(|epoch| epoch.baseline.is_ok());
         let by_rule = baseline_by_rule(history, scans, first, end, after);
         let mut against = None;
+        // A proposal gives way to what the criteria choose.
+        let is_proposed = history.baseline.as_ref().is_some_and(Fact::is_proposed);
+        let in_epoch = in_epoch.filter(|_| !is_proposed || by_rule.0.is_err());
         let (baseline, why) = if let Some(chosen) = own.or(in_epoch) {
             against = own.is_none().then(|| said_against(chosen, &by_rule)).flatten();
             let label = scans.get(chosen).map_or("", |scan| scan.label);
-            let words = say::BASELINE_STATED.with([("scan", label.into())]);
+            let how =
+                if own.is_none() && is_proposed { say::BASELINE_FIRST_OF_TWO } else { say::BASELINE_STATED };
+            let words = how.with([("scan", label.into())]);
             (Ok(chosen), Reason { rule: own.map(|_| RuleId::SurgeryResets), ..Reason::plain(words) })
         } else {
             match by_rule {

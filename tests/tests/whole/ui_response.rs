@@ -9,7 +9,7 @@ use glioscope::{
     model::{CaseRef, PaneId, layout::Task, session},
     window::recent::Recent,
 };
-use glioscope_core::response::{NewLesion, NonTarget};
+use glioscope_core::response::{Call, Fact, Label, NewLesion, NonTarget, TreatmentKind};
 use glioscope_tests::{
     Window, answer, choose, doc, issue, pane_picture, perform, run, wait_for_workers, window_of_user,
     window_on,
@@ -24,6 +24,20 @@ fn opened(folder: &Path) -> Window {
         format!("T={}@{date}", balls(&folder.join(format!("{date}.nii")), &[([30.0, 30.0, 20.0], *radius)]))
     };
     let case = CaseRef::Arguments { masks: dates.iter().map(mask).collect(), contexts: Vec::new() };
+    let mut harness = window_on(case, [1280.0, 900.0], egui::Theme::Light);
+    issue(&mut harness, EditCommand::MaximizePane(PaneId::Response));
+    wait_for_workers(&mut harness);
+    harness
+}
+
+/// One lesion that stays as it is, and a new one of 0.2 ml.
+fn two_scans(folder: &tempfile::TempDir) -> Window {
+    let at = |date: &str, of: &[([f64; 3], f64)]| {
+        format!("T={}@{date}", balls(&folder.path().join(format!("{date}.nii")), of))
+    };
+    let (old, new) = (([15.0, 15.0, 20.0], 8.0), ([45.0, 45.0, 20.0], 4.0));
+    let masks = vec![at("2024-01-01", &[old]), at("2024-03-01", &[old, new])];
+    let case = CaseRef::Arguments { masks, contexts: Vec::new() };
     let mut harness = window_on(case, [1280.0, 900.0], egui::Theme::Light);
     issue(&mut harness, EditCommand::MaximizePane(PaneId::Response));
     wait_for_workers(&mut harness);
@@ -154,16 +168,7 @@ fn questions_stay_where_they_are_while_they_are_answered() {
 /// A new lesion in the masks may be what decides, and it is the reader who says what it is.
 #[test]
 fn new_lesions_of_the_masks_are_asked_about_and_stand_in_the_conclusion() {
-    let folder = tempfile::tempdir().unwrap();
-    let at = |date: &str, of: &[([f64; 3], f64)]| {
-        format!("T={}@{date}", balls(&folder.path().join(format!("{date}.nii")), of))
-    };
-    let (old, new) = (([15.0, 15.0, 20.0], 8.0), ([45.0, 45.0, 20.0], 4.0));
-    let masks = vec![at("2024-01-01", &[old]), at("2024-03-01", &[old, new])];
-    let case = CaseRef::Arguments { masks, contexts: Vec::new() };
-    let mut harness = window_on(case, [1280.0, 900.0], egui::Theme::Light);
-    issue(&mut harness, EditCommand::MaximizePane(PaneId::Response));
-    wait_for_workers(&mut harness);
+    let mut harness = two_scans(&tempfile::tempdir().unwrap());
     choose(&mut harness, "Criteria", "RANO 2010");
     // The author is still being typed when the first answer is clicked.
     harness.get_by_role_and_label(egui::accesskit::Role::TextInput, "stated by").focus();
@@ -271,8 +276,10 @@ fn the_layout_for_the_response_shows_all_of_it_on_a_small_screen() {
     let author = harness.get_by_role_and_label(egui::accesskit::Role::TextInput, "stated by").rect();
     for rect in [
         harness.get_by_label("By volume").rect(),
-        harness.get_by_label_contains("owest").rect(),
+        harness.get_by_label("Lowest").rect(),
         harness.get_by_label_contains("the masks show B").rect(),
+        harness.get_by_label("by volume").rect(),
+        harness.get_by_label("Verify it").rect(),
         author,
     ] {
         assert!(pane.x_range().contains(rect.left()) && pane.x_range().contains(rect.right()), "{rect:?}");
@@ -280,6 +287,138 @@ fn the_layout_for_the_response_shows_all_of_it_on_a_small_screen() {
     if let Ok(folder) = std::env::var("GLIOSCOPE_TEST_PICTURES") {
         harness.render().unwrap().save(Path::new(&folder).join("response-layout.png")).unwrap();
     }
+}
+
+/// Of two scans only the first has a later one: nobody is asked, and nobody has stated it until a click does.
+#[test]
+fn of_two_scans_the_first_is_the_baseline_until_the_criteria_choose_another() {
+    let mut harness = two_scans(&tempfile::tempdir().unwrap());
+    choose(&mut harness, "Criteria", "RANO 2010");
+    let baseline = |harness: &Window| doc(harness).edit.response.history.clone().unwrap().baseline.unwrap();
+    assert_eq!(baseline(&harness), Fact::proposed(Label("2024-01-01".into())));
+    assert!(harness.query_by_label_contains("proposed: the only one").is_some());
+    // 8 against 8 mm, and a new lesion of the masks: the calls stand in a line on top.
+    let last = harness.state().results.response.last().unwrap().response.dates.last().unwrap().clone();
+    assert_eq!(last.by_diameters.call, Call::Progression);
+    assert_eq!(harness.query_all_by_label("+0.0 % (margin unknown)").count(), 1, "by diameters");
+    click(&mut harness, "Baseline: 2024-01-01");
+    assert!(!baseline(&harness).is_proposed() && baseline(&harness).entered.is_some());
+    assert!(harness.query_by_label_contains("proposed: the only one").is_none());
+    // A margin in the same line.
+    click(&mut harness, "How well measurements repeat");
+    type_into(&mut harness, "Products of diameters", "10");
+    // 95 % of a ratio with a relative SD of √2·0.1: exp(±1.96·0.1414) = 0.758 and 1.319.
+    assert_eq!(harness.query_all_by_label("+0.0 % (-24 to +32 %)").count(), 1);
+}
+
+/// What the calls rest on is one click away.
+#[test]
+fn links_and_new_lesions_are_gone_to_and_verified_from_the_form() {
+    let mut harness = two_scans(&tempfile::tempdir().unwrap());
+    choose(&mut harness, "Criteria", "RANO 2010");
+    let pane = harness.state().pane_rect(PaneId::Response).unwrap();
+    let lens = |harness: &Window| doc(harness).edit.lens.center_mm.to_array();
+    let is_at = |harness: &Window, mm: [f64; 3]| lens(harness).iter().zip(mm).all(|(a, b)| (a - b).abs() < 1.5);
+    let verified = |harness: &Window| doc(harness).edit.lesions.edits.len();
+    // Nothing to verify before it was looked at.
+    harness.hover_at(pane.center());
+    harness.key_press(Key::V);
+    wait_for_workers(&mut harness);
+    assert_eq!(verified(&harness), 0);
+    click(&mut harness, "Rests on 1 unverified link");
+    assert!(is_at(&harness, [15.0, 15.0, 20.0]) && doc(&harness).nav.time == 1, "{:?}", lens(&harness));
+    harness.get_by_label_contains("the masks show B").click();
+    wait_for_workers(&mut harness);
+    assert!(is_at(&harness, [45.0, 45.0, 20.0]), "{:?}", lens(&harness));
+    // By keys.
+    harness.hover_at(pane.center());
+    harness.key_press(Key::N);
+    wait_for_workers(&mut harness);
+    assert!(is_at(&harness, [15.0, 15.0, 20.0]));
+    // The pane of lesions has it, too, once it is in sight.
+    perform(&mut harness, EditCommand::SetTask(Task::Response));
+    wait_for_workers(&mut harness);
+    assert!(harness.query_by_label("Verify the link").is_some());
+    let pane = harness.state().pane_rect(PaneId::Response).unwrap();
+    harness.hover_at(pane.center());
+    harness.key_press(Key::V);
+    wait_for_workers(&mut harness);
+    assert_eq!(verified(&harness), 1);
+    assert!(harness.query_by_label("All links between lesions are verified").is_some());
+}
+
+/// Whoever chooses criteria is offered what shows the lesions and images that they judge; maximised, the form keeps the images beside it.
+#[test]
+fn the_layout_is_offered_once_criteria_are_chosen() {
+    let offer = "Show lesions and images beside it";
+    let mut harness = two_scans(&tempfile::tempdir().unwrap());
+    assert!(harness.query_by_label(offer).is_none(), "nothing is judged yet");
+    assert!(harness.state().pane_rect(PaneId::SideBySide).is_some(), "images stay in sight");
+    choose(&mut harness, "Criteria", "RANO 2010");
+    click(&mut harness, offer);
+    assert!(harness.query_by_label(offer).is_none());
+    for pane in [PaneId::Response, PaneId::Lesions, PaneId::SideBySide] {
+        assert!(harness.state().pane_rect(pane).is_some(), "{pane:?}");
+    }
+}
+
+/// A treatment is its kind, then its day; who stated it is kept.
+#[test]
+fn a_treatment_has_its_kind_before_its_day_and_an_author() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut harness = two_scans(&folder);
+    choose(&mut harness, "Criteria", "iRANO");
+    type_into(&mut harness, "stated by", "A. B.");
+    click(&mut harness, "also what changes no call");
+    click(&mut harness, "Kind of another treatment: immunotherapy");
+    // The day's field has the focus.
+    let field = harness.get_by_role_and_label(egui::accesskit::Role::TextInput, "started on");
+    assert!(field.is_focused());
+    field.type_text("5.2.2024");
+    harness.run_ok();
+    harness.key_press(Key::Enter);
+    wait_for_workers(&mut harness);
+    let treatments = |harness: &Window| doc(harness).edit.response.history.clone().unwrap().treatment.unwrap();
+    let [one] = treatments(&harness).try_into().unwrap();
+    assert_eq!(one.kind, TreatmentKind::Immunotherapy);
+    assert_eq!((one.start.to_string().as_str(), one.author.as_deref()), ("2024-02-05", Some("A. B.")));
+    assert!(one.entered.is_some());
+    // Whoever changes it states it.
+    type_into(&mut harness, "stated by", "C. D.");
+    type_into(&mut harness, "name", "nivolumab");
+    let [one] = treatments(&harness).try_into().unwrap();
+    assert_eq!((one.name.as_deref(), one.author.as_deref()), (Some("nivolumab"), Some("C. D.")));
+    // And the session keeps it.
+    let path = folder.path().join("read.glioscope.json");
+    perform(&mut harness, AppCommand::SaveSessionTo(path.clone()));
+    assert_eq!(session::load(&path).unwrap().document.edit.response, doc(&harness).edit.response);
+}
+
+/// Why a dose was raised is asked once a dose is known.
+#[test]
+fn why_steroids_were_raised_is_asked_after_the_dose() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut harness = opened(folder.path());
+    choose(&mut harness, "Criteria", "RANO 2.0");
+    click(&mut harness, "Baseline: 2024-01-01");
+    click(&mut harness, "Radiotherapy: there was none");
+    let why = "Why steroids were raised";
+    let at = |what: &str, date: &str| format!("{what} at {date}: none");
+    let dose = "Steroids, mg dexamethasone a day";
+    assert!(harness.query_by_label(&at(dose, "2024-03-01")).is_some(), "the dose is");
+    assert!(harness.query_by_label(why).is_none());
+    assert!(harness.query_by_label_contains("missing: why steroids").is_none());
+    click(&mut harness, &at(dose, "2024-01-01"));
+    // The only field of a dose that isn't stated as none: the second scan's.
+    let fields = harness.query_all_by_role_and_label(egui::accesskit::Role::TextInput, dose);
+    let fields: Vec<_> = fields.collect();
+    fields[1].focus();
+    fields[1].type_text("4");
+    drop(fields);
+    harness.run_ok();
+    harness.key_press(Key::Enter);
+    wait_for_workers(&mut harness);
+    assert!(harness.query_by_label(why).is_some(), "raised from 0 to 4 mg");
 }
 
 #[test]
@@ -389,6 +528,7 @@ fn the_next_case_knows_who_reads() {
     choose(&mut harness, "Criteria", "RANO 2010");
     assert_eq!(stated_by(&harness), "", "nobody was named yet");
     // What was answered before the name was typed is that reader's.
+    click(&mut harness, "also what changes no call");
     harness.get_by_label("Disease: newly diagnosed").click_accesskit();
     wait_for_workers(&mut harness);
     type_into(&mut harness, "stated by", "A. B.");

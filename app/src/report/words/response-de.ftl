@@ -4,6 +4,7 @@ reason-by-the-masks = (aus den Masken)
 reason-unknown = unbekannt
 reason-day = Tag { $day }
 reason-baseline-stated = Ausgangsbefund { $scan }, wie in der Vorgeschichte angegeben
+reason-baseline-first-of-two = Ausgangsbefund { $scan }, die einzige Untersuchung, auf die eine spätere folgt: vom Programm vorgeschlagen
 reason-baseline-after-surgery = Ausgangsbefund { $scan }, die erste Untersuchung nach der Operation
 reason-baseline-before-treatment = Ausgangsbefund { $scan }, die letzte Untersuchung innerhalb von { $days } Tagen vor Therapiebeginn
 reason-baseline-doubted = Ausgangsbefund { $scan } wie angegeben: { $why }

@@ -37,10 +37,10 @@ pub(super) struct Chosen<'a> {
 }
 
 /// Keys that act while the pointer is over the pane.
-const VERIFY: Key = Key::V;
+pub(in crate::views) const VERIFY: Key = Key::V;
 const UNLINK: Key = Key::U;
 const JOIN: Key = Key::J;
-const NEXT: Key = Key::N;
+pub(in crate::views) const NEXT: Key = Key::N;
 
 /// What can be done, as buttons and keys.
 pub(super) fn show(
@@ -92,13 +92,24 @@ pub(super) fn show(
 fn is_asked(ui: &mut Ui, text: &str, tip: &str, key: Option<Key>) -> bool {
     let tip = key.map_or_else(|| tip.to_owned(), |key| format!("{tip} ({})", key.name()));
     let is_clicked = ui.button(text).on_hover_text(tip).clicked();
+    is_clicked || key.is_some_and(|key| is_pressed(ui, key))
+}
+
+/// Whether `key` is pressed while the pointer is over the pane and nothing is typed.
+pub(in crate::views) fn is_pressed(ui: &Ui, key: Key) -> bool {
     let is_here = ui.rect_contains_pointer(ui.clip_rect()) && !ui.ctx().egui_wants_keyboard_input();
-    let is_pressed = key.is_some_and(|key| ui.input(|i| i.modifiers.is_none() && i.key_pressed(key)));
-    is_clicked || (is_here && is_pressed)
+    is_here && ui.input(|i| i.modifiers.is_none() && i.key_pressed(key))
+}
+
+/// Verifies the selected link; `None` where none is selected, or a reader has done so.
+pub(in crate::views) fn verify(report: &LesionsReport, selected: &Selected) -> Option<Edit> {
+    let Selected::Link(from, to) = selected else { return None };
+    let link = link_between(report, [from, to])?;
+    (link.state == LinkState::Proposed).then(|| Edit::Verify { from: from.clone(), to: to.clone() })
 }
 
 /// The first proposed link after the selected one, in the order of the list.
-fn next(input: &Input<'_>, report: &LesionsReport, selected: &mut Selected, out: &mut Commands) {
+pub(in crate::views) fn next(input: &Input<'_>, report: &LesionsReport, selected: &mut Selected, out: &mut Commands) {
     let all: Vec<[&Anchor; 2]> = report.proposed().filter_map(ends).collect();
     let current = all.iter().position(|link| selected.is_link(*link));
     let at = current.map_or(0, |at| (at + 1) % all.len().max(1));

@@ -17,7 +17,10 @@ use crate::{
     model::{CaseRef, LesionSetting, lesions::SMALLEST_ML},
     world::jobs::{Lookup, progress_text},
 };
-use selected::Selected;
+
+pub(super) use actions::{NEXT, VERIFY, is_pressed, next, verify};
+pub(super) use selected::Selected;
+pub(super) use timeline::go_to;
 
 /// The pane of lesions.
 #[derive(Default)]
@@ -39,6 +42,16 @@ impl Pane for LesionsPane {
             ScrollArea::both().auto_shrink([false, false]).show(ui, |ui| self.content(ui, stage, out));
         });
     }
+}
+
+/// Where another pane leaves what is to be selected here, and in which case.
+fn asked_id() -> egui::Id {
+    egui::Id::unique("selected of lesions")
+}
+
+/// Selects in the pane of lesions what another pane went to.
+pub(super) fn select(ui: &Ui, input: &Input<'_>, selected: &Selected) {
+    ui.data_mut(|data| data.insert_temp(asked_id(), (input.doc.case.clone(), selected.clone())));
 }
 
 impl LesionsPane {
@@ -70,6 +83,12 @@ impl LesionsPane {
             None => return,
         };
         warnings(ui, &report);
+        if let Some((of, asked)) = ui.data(|data| data.get_temp::<(CaseRef, Selected)>(asked_id())) {
+            ui.data_mut(|data| data.remove::<(CaseRef, Selected)>(asked_id()));
+            if of == input.doc.case {
+                self.selected = asked;
+            }
+        }
         self.selected.keep_in(&report);
         let all = report.lesions.iter().filter(|lesion| self.small || !lesion.small);
         let shown: Vec<_> = all.take(timeline::MOST_LESIONS).collect();

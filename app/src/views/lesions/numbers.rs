@@ -33,8 +33,8 @@ pub(super) fn show(ui: &mut Ui, report: &LesionsReport, shown: &[&LesionReport])
         .column(Column::exact(84.0).clip(true))
         .column(Column::exact(66.0))
         .column(Column::exact(56.0))
-        .column(Column::exact(108.0))
-        .column(Column::exact(70.0));
+        .column(Column::exact(120.0))
+        .column(Column::exact(84.0));
     let mut beside: Vec<(String, &str)> = Vec::new();
     if let Some(image) = image {
         beside.extend([
@@ -126,10 +126,11 @@ fn cells(before: Option<&LesionDate>, date: &LesionDate) -> Vec<String> {
         return vec!["unknown".into(), String::new(), String::new(), String::new(), String::new()];
     };
     let diameters = match (date.d1_mm, date.d2_mm) {
-        (Some(d1), Some(d2)) => format!("{d1:.1} × {d2:.1} mm"),
+        // With as many digits as the product needs to be theirs.
+        (Some(d1), Some(d2)) => format!("{d1:.2} × {d2:.2} mm"),
         _ => "–".into(),
     };
-    let product = date.product_mm2.map_or_else(|| "–".into(), |mm2| format!("{mm2:.0} mm²"));
+    let product = date.product_mm2.map_or_else(|| "–".into(), |mm2| format!("{mm2:.1} mm²"));
     let name = |kind: &EventKind| match kind {
         EventKind::Born => "new".to_owned(),
         kind => <&str>::from(kind).replace('_', " "),

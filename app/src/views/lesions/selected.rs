@@ -4,7 +4,7 @@ use glioscope_core::lesions::{Anchor, Edit, LesionReport, LesionsReport, LinkRep
 
 /// Up to two components, or a link.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) enum Selected {
+pub(in crate::views) enum Selected {
     #[default]
     Nothing,
     /// One component.

@@ -181,7 +181,7 @@ pub(super) fn show(
 }
 
 /// Shows the component in all views, at its date.
-pub(super) fn go_to(input: &Input<'_>, anchor: &Anchor, volume_ml: f64, out: &mut Commands) {
+pub(in crate::views) fn go_to(input: &Input<'_>, anchor: &Anchor, volume_ml: f64, out: &mut Commands) {
     if let Some(time) = input.case.time_at(&anchor.time)
         && time != input.time
     {

@@ -76,6 +76,10 @@ pub fn show(ui: &mut Ui, input: &OverlapInput<'_>, pairs: &[Pair]) {
     let mut choice: Choice = ui.data(|d| d.get_temp(choice_id)).unwrap_or_default();
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 2.0;
+        if let Some(metric) = PAIR_METRICS.get(choice.metric).filter(|_| input.is_picture) {
+            ui.strong(metric.name);
+            return;
+        }
         for (index, metric) in PAIR_METRICS.iter().enumerate() {
             let response = ui.selectable_label(choice.metric == index, metric.name);
             if response.on_hover_text(metric.definition).clicked() {

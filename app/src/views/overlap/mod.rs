@@ -51,6 +51,7 @@ impl Pane for OverlapPane {
             selection: input.selection,
             colors: input.colors,
             mode: input.doc.edit.overlap_mode,
+            is_picture: input.is_picture,
         };
         let pairs = match stage.results.numbers.agreement(input.time_point, stage.ask) {
             Lookup::Ready(numbers) => numbers.pairs.as_slice(),
@@ -75,6 +76,8 @@ pub struct OverlapInput<'a> {
     pub colors: &'a MaskColors,
     /// Whether a click toggles a region or a whole mask.
     pub mode: OverlapMode,
+    /// Whether it is drawn without controls: for a picture on paper.
+    pub is_picture: bool,
 }
 
 /// Smallest width of the ring with its labels, points.
@@ -212,6 +215,16 @@ fn side_by_side(input: &OverlapInput<'_>, size: egui::Vec2) -> bool {
 }
 
 fn header(ui: &mut Ui, input: &OverlapInput<'_>, out: &mut Commands) {
+    let (all, hidden) = {
+        let list = input.regions.list();
+        (list.len(), list.iter().filter(|r| !input.selection.shows(r.bits)).count())
+    };
+    if input.is_picture {
+        if hidden > 0 {
+            ui.weak(format!("{} of {all} shown", all - hidden));
+        }
+        return;
+    }
     ui.horizontal(|ui| {
         for (mode, name, hint) in [
             (OverlapMode::Regions, "Overlaps", "Show and select each overlap of the masks on its own"),
@@ -224,13 +237,11 @@ fn header(ui: &mut Ui, input: &OverlapInput<'_>, out: &mut Commands) {
             }
         }
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
-            let hidden = input.regions.list().iter().filter(|r| !input.selection.shows(r.bits)).count();
             let button = ui.add_enabled(hidden > 0, egui::Button::new("Show all"));
             if button.clicked() {
                 out.push(EditCommand::ShowAllRegions);
             }
             if hidden > 0 {
-                let all = input.regions.list().len();
                 ui.weak(format!("{} of {all} shown", all - hidden));
             }
         });

@@ -124,17 +124,20 @@ fn name_cell(ui: &mut Ui, input: &OverlapInput<'_>, target: Target, out: &mut Co
     let shown = input.drawn_visibility(target);
     let mut on = shown == Shown::All;
     ui.spacing_mut().item_spacing.x = 4.0;
-    let check = Checkbox::without_text(&mut on).indeterminate(shown == Shown::Some);
-    let response = ui.add(check);
     let name = input.name(target);
-    response.widget_info(|| {
-        egui::WidgetInfo::selected(egui::Role::CheckBox, true, shown == Shown::All, format!("Show {name}"))
-    });
-    if response.changed() {
-        out.push(match target {
-            Target::Region(bits) => EditCommand::SetRegion(bits, on),
-            Target::Mask(k) => EditCommand::ToggleMask(k),
+    if !input.is_picture {
+        let check = Checkbox::without_text(&mut on).indeterminate(shown == Shown::Some);
+        let response = ui.add(check);
+        response.widget_info(|| {
+            let text = format!("Show {name}");
+            egui::WidgetInfo::selected(egui::Role::CheckBox, true, shown == Shown::All, text)
         });
+        if response.changed() {
+            out.push(match target {
+                Target::Region(bits) => EditCommand::SetRegion(bits, on),
+                Target::Mask(k) => EditCommand::ToggleMask(k),
+            });
+        }
     }
     swatch(ui, input, target);
     let text = RichText::new(input.title(target));

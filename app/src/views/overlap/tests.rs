@@ -74,6 +74,7 @@ impl Setup {
                     selection: &self.selection,
                     colors: &colors,
                     mode: self.mode,
+                    is_picture: false,
                 };
                 let mut new = Commands::default();
                 let hovered = if self.only_diagram {

@@ -14,10 +14,9 @@ const WIDE: f32 = 660.0;
 /// Height of a row, points.
 const ROW: f32 = 22.0;
 
-/// What the calls rest on, and how it stands with them: always as many lines while answers are given.
+/// How it stands with the calls, on a line that is always there while answers are given.
 pub(super) fn head(ui: &mut Ui, evaluated: Option<&Evaluated>, status: &Status) {
     let warn = ui.visuals().warn_fg_color;
-    ui.weak("Imaging criteria from public descriptions, not for clinical use");
     let warnings = evaluated.map_or(0, |evaluated| evaluated.warnings.len());
     let (text, color) = match (status, warnings) {
         (Status::Error(text), _) => (text.clone(), ui.visuals().error_fg_color),
@@ -28,16 +27,58 @@ pub(super) fn head(ui: &mut Ui, evaluated: Option<&Evaluated>, status: &Status) 
         (Status::Nothing, _) => (" ".to_owned(), warn),
     };
     ui.colored_label(color, text);
-    let links = evaluated.map_or(0, |evaluated| evaluated.proposed_links);
-    if evaluated.is_some() {
-        let text = match links {
-            0 => "No link between lesions is unverified".to_owned(),
-            1 => "These calls rest on 1 link between lesions that no reader has verified".to_owned(),
-            n => format!("These calls rest on {n} links between lesions that no reader has verified"),
-        };
-        let ink = if links > 0 { warn } else { ui.visuals().weak_text_color() };
-        ui.colored_label(ink, text).on_hover_text("Lesions: N goes to the next one, V verifies it");
-    }
+}
+
+/// The calls of the last date in one line, each with the change that it rests on and that change's margin.
+pub(super) fn overall(ui: &mut Ui, dates: &[DateResponse]) {
+    let Some(last) = dates.last() else { return };
+    let tokens = *Tokens::in_ui(ui);
+    ui.horizontal_wrapped(|ui| {
+        ui.strong(&last.date);
+        for (judgement, by) in [(&last.by_diameters, "by diameters"), (&last.by_volume, "by volume")] {
+            let call = RichText::new(call_text(judgement)).color(color(judgement.call, &tokens)).heading();
+            ui.label(call);
+            ui.label(by);
+            if let Some(sum) = judgement.sums.first()
+                && let Some((text, tip)) = change_with_margin(judgement.call, sum)
+            {
+                ui.label(text).on_hover_text(tip);
+            }
+        }
+    });
+}
+
+/// The change that a call is about, with its margin, and what both are: from the baseline for a response, else from the lowest sum.
+/// `None` where a sum is unknown, and at the baseline.
+fn change_with_margin(call: Call, sum: &SumReport) -> Option<(String, String)> {
+    let (change, margin, from) = if is_response(call) {
+        (sum.change_from_baseline_percent, &sum.margin_from_baseline, "from the baseline")
+    } else {
+        (sum.change_from_nadir_percent, &sum.margin_from_nadir, "from the lowest sum")
+    };
+    let change = change?;
+    Some(match margin {
+        Some(margin) => (
+            format!("{change:+.1} % ({:+.0} to {:+.0} %)", margin.low_percent, margin.high_percent),
+            format!("Change {from}; 95 % of repeated measurements lie between"),
+        ),
+        None => (
+            format!("{change:+.1} % (margin unknown)"),
+            format!("Change {from}. State below how well measurements repeat"),
+        ),
+    })
+}
+
+fn is_response(call: Call) -> bool {
+    matches!(
+        call,
+        Call::CompleteResponse
+            | Call::UnconfirmedCompleteResponse
+            | Call::PartialResponse
+            | Call::UnconfirmedPartialResponse
+            | Call::MinorResponse
+            | Call::UnconfirmedMinorResponse
+    )
 }
 
 /// Warnings, and the reasons of the date `shown`, or of the last.
@@ -155,12 +196,7 @@ fn call_text(judgement: &Judgement) -> String {
 fn color(call: Call, tokens: &Tokens) -> Color32 {
     match call {
         Call::Progression | Call::PreliminaryProgression => tokens.growth,
-        Call::CompleteResponse
-        | Call::UnconfirmedCompleteResponse
-        | Call::PartialResponse
-        | Call::UnconfirmedPartialResponse
-        | Call::MinorResponse
-        | Call::UnconfirmedMinorResponse => tokens.shrinkage,
+        call if is_response(call) => tokens.shrinkage,
         Call::CannotSay => tokens.warning,
         _ => tokens.text,
     }
@@ -201,7 +237,7 @@ fn why(ui: &mut Ui, criterion: Criterion, title: &str, judgement: &Judgement, ab
         for sum in &judgement.sums {
             sum_text(ui, sum);
         }
-        for missing in &judgement.missing {
+        for missing in judgement.to_state() {
             if !is_new(above.is_some_and(|above| above.missing.contains(missing))) {
                 continue;
             }

@@ -22,6 +22,11 @@ impl By {
         Self { author, today: today() }
     }
 
+    /// Whose statement it is, and its day.
+    pub fn signature(&self) -> (Option<String>, Option<String>) {
+        (self.author.clone(), Some(self.today.clone()))
+    }
+
     /// A fact stated now.
     pub fn fact<T>(&self, value: T) -> Fact<T> {
         Fact { value, author: self.author.clone(), entered: Some(self.today.clone()) }
@@ -35,7 +40,19 @@ pub(super) fn today() -> String {
 
 /// What is hovered over a fact: who stated it.
 fn said_by<T>(fact: &Fact<T>) -> String {
+    if fact.is_proposed() {
+        return "proposed by the program: a click states it".to_owned();
+    }
     let parts: Vec<&str> = [&fact.author, &fact.entered].into_iter().flatten().map(String::as_str).collect();
+    said_in(&parts)
+}
+
+/// What is hovered over a treatment: who stated it.
+pub(super) fn said(author: Option<&str>, entered: Option<&str>) -> String {
+    said_in(&[author, entered].into_iter().flatten().collect::<Vec<_>>())
+}
+
+fn said_in(parts: &[&str]) -> String {
     if parts.is_empty() {
         "stated without a name".to_owned()
     } else {
@@ -110,6 +127,20 @@ fn hinted(
 
 /// A day; `Some` once another one was typed, with `None` where the field was emptied. What is no day is said beside the field.
 pub(super) fn day(ui: &mut Ui, salt: impl AsIdSalt, label: Id, value: Option<When>) -> Option<Option<When>> {
+    day_with(ui, salt, label, (value, false))
+}
+
+/// As [`day`]; `is_next`: whether it is typed into next.
+pub(super) fn day_with(
+    ui: &mut Ui,
+    salt: impl AsIdSalt,
+    label: Id,
+    (value, is_next): (Option<When>, bool),
+) -> Option<Option<When>> {
+    if is_next {
+        let field = ui.make_persistent_id(&salt).with("field");
+        ui.memory_mut(|memory| memory.request_focus(field));
+    }
     let bad = ui.make_persistent_id(&salt).with("bad");
     let shown = value.map(|when| match when {
         When::Date(date) => date.to_string(),

@@ -3,6 +3,7 @@
 mod bt_rads;
 mod calls;
 mod fields;
+mod links;
 mod patient;
 mod rules;
 mod scans;
@@ -13,19 +14,20 @@ use egui::{ComboBox, ScrollArea, Ui};
 use glioscope_core::{
     case::Case,
     dates::leading_date,
-    lesions::{LesionDate, LesionsReport, new_lesions},
+    lesions::{Anchor, LesionDate, LesionsReport, new_lesions},
     response::{Assessment, Criterion, Evaluated, History, Input as Asked, unstated_new},
 };
 use strum::VariantArray;
 
 use super::{
     draw,
+    lesions::Selected,
     pane::{Input, Pane, Stage},
 };
 use crate::{
     command::{AppCommand, Commands, EditCommand},
     format,
-    model::{ResponseSetting, response::MOST_AUTHOR},
+    model::{PaneId, ResponseSetting, layout::Task, response::MOST_AUTHOR},
     world::jobs::{Handle, Lookup, progress_text},
 };
 use fields::By;
@@ -40,6 +42,8 @@ pub struct ResponsePane {
     /// What was asked for, and by which criteria at which dates: it keeps its place until those change.
     asked: HashSet<AskedFor>,
     asked_by: Option<(Criterion, Handle<Case>)>,
+    /// The link that was gone to, which *Verify* is about.
+    selected: Selected,
 }
 
 /// An input of a scan by its label, or of the patient.
@@ -52,7 +56,7 @@ struct Wanted<'a> {
     /// What was asked for since the criteria were chosen, the missing ones among them.
     asked: &'a HashSet<AskedFor>,
     /// New lesions that the masks show, by date: a reader decides what they are.
-    new_in_masks: BTreeMap<&'a str, String>,
+    new_in_masks: BTreeMap<&'a str, Vec<Found>>,
     /// Whether the masks show no lesion at the first date but measurable ones.
     only_measurable: bool,
 }
@@ -76,17 +80,29 @@ impl Wanted<'_> {
     }
 }
 
-/// New lesions that masks show by date, in words, and whether none of the first date is other than measurable.
-fn of_masks(report: &LesionsReport) -> (BTreeMap<&str, String>, bool) {
-    let mut new: BTreeMap<&str, Vec<String>> = BTreeMap::new();
+/// A new lesion of the masks.
+struct Found {
+    /// Its name and size.
+    words: String,
+    /// Where its largest piece lies, and its volume in millilitres.
+    at: Option<(Anchor, f64)>,
+}
+
+/// New lesions that masks show by date, and whether none of the first date is other than measurable.
+fn of_masks(report: &LesionsReport) -> (BTreeMap<&str, Vec<Found>>, bool) {
+    let mut new: BTreeMap<&str, Vec<Found>> = BTreeMap::new();
     for (name, date) in new_lesions(report) {
-        new.entry(&date.time).or_default().push(format!("{name}, {}", size_in_words(date)));
+        let largest = date.parts.iter().max_by(|a, b| a.volume_ml.total_cmp(&b.volume_ml));
+        let at = largest.and_then(|part| Some((part.anchor.clone()?, part.volume_ml)));
+        new.entry(&date.time)
+            .or_default()
+            .push(Found { words: format!("{name}, {}", size_in_words(date)), at });
     }
     let first =
         report.lesions.iter().filter(|lesion| !lesion.small).filter_map(|lesion| lesion.dates.first());
     let only_measurable =
         first.filter(|date| !date.parts.is_empty()).all(|date| date.measurable == Some(true));
-    (new.into_iter().map(|(date, all)| (date, all.join("; "))).collect(), only_measurable)
+    (new, only_measurable)
 }
 
 /// Volume, diameters, and whether they count.
@@ -101,7 +117,7 @@ fn size_in_words(date: &LesionDate) -> String {
 /// What can change a call.
 fn missing(evaluated: &Evaluated) -> HashSet<AskedFor> {
     let judgements = evaluated.response.dates.iter().flat_map(|date| [&date.by_diameters, &date.by_volume]);
-    judgements.flat_map(|j| &j.missing).map(|missing| (missing.date.clone(), missing.input)).collect()
+    judgements.flat_map(|j| j.to_state()).map(|missing| (missing.date.clone(), missing.input)).collect()
 }
 
 impl Pane for ResponsePane {
@@ -123,7 +139,7 @@ impl ResponsePane {
         let by = By::today(&head(ui, &input, &mut new));
         match new.history.clone() {
             None => {
-                ui.weak("Choose criteria: lesions are then judged at every date, by diameters and by volume");
+                ui.weak("Choose criteria: lesions are judged at every date, by diameters and by volume");
             }
             Some(mut history) => {
                 let results = &mut *stage.results;
@@ -148,7 +164,14 @@ impl ResponsePane {
                         format!("New lesions at {last} are not stated: the masks decide what they are");
                     status = Status::Warning(text);
                 }
+                layout_offer(ui, &input, out);
+                if let Some(evaluated) = &evaluated {
+                    calls::overall(ui, &evaluated.response.dates);
+                }
                 calls::head(ui, evaluated.as_deref(), &status);
+                if let Some(lesions) = &lesions {
+                    links::show(ui, &input, lesions, &mut self.selected, out);
+                }
                 if let Some(evaluated) = &evaluated {
                     calls::table(ui, &evaluated.response.dates, &mut self.date);
                 }
@@ -163,6 +186,7 @@ impl ResponsePane {
                 if self.asked_by.as_ref() != Some(&by_what) {
                     self.asked.clear();
                     self.asked_by = Some(by_what);
+                    self.selected = Selected::default();
                 }
                 let missing = evaluated.as_deref().map(missing).unwrap_or_default();
                 self.asked.extend(missing.iter().cloned());
@@ -170,12 +194,13 @@ impl ResponsePane {
                 let asked = &self.asked;
                 let wanted = Wanted { all: self.all_inputs, missing, asked, new_in_masks, only_measurable };
                 patient::show(ui, &input, &mut history, &wanted, &by);
-                scans::show(ui, &input, &mut history, &wanted, &by);
+                scans::show(ui, &input, &mut history, &wanted, &by, out);
                 if let Some(evaluated) = &evaluated {
                     calls::reasons(ui, evaluated, self.date.as_deref());
                 }
                 rules::repeatability(ui, &mut history);
                 rules::show(ui, history.criterion);
+                ui.weak("By public descriptions of the criteria, not for clinical use");
                 let names_change = |old: &History| {
                     (&old.targets, &old.non_targets) != (&history.targets, &history.non_targets)
                 };
@@ -200,6 +225,24 @@ impl ResponsePane {
         if new != *old {
             out.push(EditCommand::SetResponse(Box::new(new)));
         }
+    }
+}
+
+/// A button that arranges the panes for the response, where its images or lesions aren't in sight.
+fn layout_offer(ui: &mut Ui, input: &Input<'_>, out: &mut Commands) {
+    let edit = &input.doc.edit;
+    let is_seen = |pane| {
+        let front = edit.layout.active_tiles();
+        edit.layout.tiles.find_pane(&pane).is_some_and(|tile| front.contains(&tile))
+    };
+    let suits = input.case.time_points.len() > 1;
+    let is_complete = edit.maximized.is_none() && is_seen(PaneId::Lesions) && is_seen(PaneId::SideBySide);
+    if !suits || is_complete {
+        return;
+    }
+    let tip = "The layout Response: this form, the lesions, both dates and the change";
+    if ui.button("Show lesions and images beside it").on_hover_text(tip).clicked() {
+        out.push(EditCommand::SetTask(Task::Response));
     }
 }
 
@@ -236,6 +279,8 @@ fn head(ui: &mut Ui, input: &Input<'_>, new: &mut ResponseSetting) -> String {
                     let is_chosen = chosen == Some(*criterion);
                     if ui.selectable_label(is_chosen, criterion.name()).clicked() && !is_chosen {
                         new.set_criterion(Some(*criterion));
+                        let mask = input.doc.edit.lesions.mask(input.case, &input.doc.edit.change);
+                        new.propose_baseline(input.case, mask.as_deref());
                     }
                 }
             })
@@ -301,6 +346,7 @@ fn masks(ui: &mut Ui, input: &Input<'_>, new: &mut ResponseSetting) {
     let shown = new.other_mask(input.case).map_or_else(|| "no mask".to_owned(), |id| name(id));
     ComboBox::from_id_salt("mask of non-enhancing disease")
         .selected_text(shown)
+        .truncate()
         .show_ui(ui, |ui| {
             ui.selectable_value(&mut new.non_enhancing, None, "no mask");
             for id in ids {

@@ -2,12 +2,12 @@
 
 use egui::Ui;
 use glioscope_core::response::{
-    Disease, History, Input as Asked, Label, Radiotherapy, Surgery, Treatment, TreatmentKind,
+    Disease, Fact, History, Input as Asked, Label, Radiotherapy, Surgery, Treatment, TreatmentKind,
 };
 
 use super::{
     Wanted,
-    fields::{By, choice, day, take_back, text},
+    fields::{By, choice, day, day_with, said, take_back, text},
 };
 use crate::views::{draw::name_widget, pane::Input};
 
@@ -39,7 +39,7 @@ pub(super) fn show(ui: &mut Ui, input: &Input<'_>, history: &mut History, wanted
         targets(ui, history);
     }
     if asks(Asked::Treatment) || history.treatment.is_some() {
-        treatments(ui, history);
+        treatments(ui, history, by);
     }
     surgeries(ui, history);
 }
@@ -52,12 +52,16 @@ fn baseline(ui: &mut Ui, input: &Input<'_>, history: &mut History, by: &By) {
             let is_chosen = chosen.as_deref() == Some(label);
             let response = ui.radio(is_chosen, if label.is_empty() { "no date" } else { label });
             name_widget(ui, &response, &format!("Baseline: {label}"));
-            if response.clicked() && !is_chosen {
+            let is_proposed = is_chosen && history.baseline.as_ref().is_some_and(Fact::is_proposed);
+            if response.clicked() && (!is_chosen || is_proposed) {
                 history.baseline = Some(by.fact(Label(label.to_owned())));
             }
         }
         if chosen.is_some() && take_back(ui, "Baseline") {
             history.baseline = None;
+        }
+        if history.baseline.as_ref().is_some_and(Fact::is_proposed) {
+            ui.weak("proposed: the only one with a later scan");
         }
     });
 }
@@ -118,7 +122,7 @@ fn targets(ui: &mut Ui, history: &mut History) {
     }
 }
 
-fn treatments(ui: &mut Ui, history: &mut History) {
+fn treatments(ui: &mut Ui, history: &mut History, by: &By) {
     ui.horizontal_wrapped(|ui| {
         ui.label("Treatment");
         let mut none = history.treatment.as_ref().is_some_and(Vec::is_empty);
@@ -134,7 +138,9 @@ fn treatments(ui: &mut Ui, history: &mut History) {
     for (n, treatment) in history.treatment.iter_mut().flatten().enumerate() {
         ui.push_id(("treatment", n), |ui| {
             ui.horizontal_wrapped(|ui| {
+                let before = treatment.clone();
                 let label = ui.label(format!("Start of treatment {}", n + 1));
+                label.clone().on_hover_text(said(treatment.author.as_deref(), treatment.entered.as_deref()));
                 if let Some(Some(start)) = day(ui, "start", label.id, Some(treatment.start)) {
                     treatment.start = start;
                 }
@@ -151,6 +157,9 @@ fn treatments(ui: &mut Ui, history: &mut History) {
                 if ui.small_button("Remove").clicked() {
                     removed = Some(n);
                 }
+                if *treatment != before {
+                    (treatment.author, treatment.entered) = by.signature();
+                }
             });
         });
     }
@@ -160,11 +169,31 @@ fn treatments(ui: &mut Ui, history: &mut History) {
             history.treatment = None;
         }
     }
+    another_treatment(ui, history, by);
+}
+
+/// Its kind, then its date, which is typed into next.
+fn another_treatment(ui: &mut Ui, history: &mut History, by: &By) {
+    let chosen = ui.make_persistent_id("kind of another treatment");
     ui.horizontal_wrapped(|ui| {
-        let label = ui.label("Add a treatment that started on");
-        if let Some(Some(start)) = day(ui, "another treatment", label.id, None) {
-            let new = Treatment { start, kind: TreatmentKind::Drug, name: None };
+        let mut kind = ui.data(|data| data.get_temp::<TreatmentKind>(chosen));
+        let mut is_next = false;
+        ui.label("Add");
+        for (of, text) in KINDS {
+            let response = ui.radio(kind == Some(of), text);
+            name_widget(ui, &response, &format!("Kind of another treatment: {text}"));
+            if response.clicked() {
+                (kind, is_next) = (Some(of), true);
+                ui.data_mut(|data| data.insert_temp(chosen, of));
+            }
+        }
+        let label = ui.label("started on");
+        if let Some(Some(start)) = day_with(ui, "another treatment", label.id, (None, is_next)) {
+            let (author, entered) = by.signature();
+            let kind = kind.unwrap_or(TreatmentKind::Drug);
+            let new = Treatment { start, kind, name: None, author, entered };
             history.treatment.get_or_insert_default().push(new);
+            ui.data_mut(|data| data.remove::<TreatmentKind>(chosen));
         }
     });
 }

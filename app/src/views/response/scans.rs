@@ -1,6 +1,6 @@
 //! What is asked of each scan.
 
-use egui::Ui;
+use egui::{Link, RichText, Ui};
 use glioscope_core::{
     dates::leading_date,
     response::{
@@ -10,10 +10,17 @@ use glioscope_core::{
 };
 
 use super::{
-    Wanted,
+    Found, Wanted,
     fields::{By, choice, number},
 };
-use crate::views::{draw::name_widget, pane::Input};
+use crate::{
+    command::Commands,
+    views::{
+        draw::name_widget,
+        lesions::{self, Selected},
+        pane::Input,
+    },
+};
 
 const CLINICAL: [(Clinical, &str); 4] = [
     (Clinical::Stable, "stable"),
@@ -62,7 +69,14 @@ const ROWS: [(Asked, &str); 9] = [
 ];
 
 /// The facts that are asked for or stated, scan by scan.
-pub(super) fn show(ui: &mut Ui, input: &Input<'_>, history: &mut History, wanted: &Wanted<'_>, by: &By) {
+pub(super) fn show(
+    ui: &mut Ui,
+    input: &Input<'_>,
+    history: &mut History,
+    wanted: &Wanted<'_>,
+    by: &By,
+    out: &mut Commands,
+) {
     let labels: Vec<String> = input.case.time_labels().into_iter().map(str::to_owned).collect();
     let no_dates = labels.iter().any(|label| leading_date(label).is_none());
     for (n, label) in labels.iter().enumerate() {
@@ -108,8 +122,9 @@ pub(super) fn show(ui: &mut Ui, input: &Input<'_>, history: &mut History, wanted
                     if counts {
                         cell(ui, asked, &format!("{title} at {date}"), &mut facts, name.id, by);
                         let found = wanted.new_in_masks.get(label.as_str());
-                        if let Some(found) = found.filter(|_| asked == Asked::NewLesion) {
-                            ui.colored_label(ui.visuals().warn_fg_color, format!("the masks show {found}"));
+                        let found = found.filter(|_| asked == Asked::NewLesion);
+                        for (n, found) in found.into_iter().flatten().enumerate() {
+                            of_masks(ui, input, (n, found), out);
                         }
                     } else {
                         ui.weak("changes no call any more");
@@ -121,6 +136,18 @@ pub(super) fn show(ui: &mut Ui, input: &Input<'_>, history: &mut History, wanted
             }
         });
         ui.add_space(4.0);
+    }
+}
+
+/// A new lesion of the masks, which a click shows in all views.
+fn of_masks(ui: &mut Ui, input: &Input<'_>, (number, found): (usize, &Found), out: &mut Commands) {
+    let text = if number == 0 { format!("the masks show {}", found.words) } else { found.words.clone() };
+    let link = ui.add(Link::new(RichText::new(text).color(ui.visuals().warn_fg_color)));
+    if link.on_hover_text("Shows it in all views").clicked()
+        && let Some((anchor, volume_ml)) = &found.at
+    {
+        lesions::go_to(input, anchor, *volume_ml, out);
+        lesions::select(ui, input, &Selected::One(anchor.clone()));
     }
 }
 

@@ -15,7 +15,7 @@ radiotherapy_end = 2024-01-03
 baseline = 2024-02-01
 targets = ["A"]
 non_targets = ["B"]
-treatment = [{ start = 2024-02-05, kind = "drug", name = "temozolomide" }]
+treatment = [{ start = 2024-02-05, kind = "drug", name = "temozolomide", author = "A. B.", entered = 2024-05-01 }]
 [[surgery]]
 date = 2023-11-20
 [repeatability.product]
@@ -59,6 +59,10 @@ fn a_history_is_read() {
     assert_eq!(history.date[0].steroids_mg, Some(Fact::of(2.0)));
     assert_eq!(history.date[0].clinical, None);
     assert_eq!(history.disease.as_ref().unwrap().entered.as_deref(), Some("2024-05-01"));
+    let treatment = &history.treatment.as_ref().unwrap()[0];
+    assert_eq!((treatment.author.as_deref(), treatment.entered.as_deref()), (Some("A. B."), Some("2024-05-01")));
+    let unnamed = history.clone().without_authors().treatment.unwrap().remove(0);
+    assert_eq!((unnamed.author, unnamed.entered), (None, None));
     let response = evaluate(&history, &[]).unwrap();
     assert_eq!(response.dates.len(), 2);
     let last = &response.dates[1];
@@ -201,6 +205,50 @@ fn what_the_criteria_say_against_a_stated_baseline_is_told() {
         "{another:?}"
     );
     assert_eq!(said("28 A=20x10 | 150 A=25x10").len(), 1, "the same scan");
+}
+
+#[test]
+fn a_proposed_baseline_counts_until_the_criteria_choose_one() {
+    let said = |scans: &str| {
+        let head = "#auto\nassessment = \"enhancing\"\nradiotherapy_end = {0}\ndisease = \"newly-diagnosed\"";
+        let mut history = History::parse(&toml(Criterion::Rano20, head, scans)).unwrap();
+        let first = history.measurement[0].date.clone();
+        history.baseline = Some(Fact::proposed(first));
+        // It stays a proposal where authors are left out.
+        let history = history.without_authors();
+        let response = evaluate(&history, &[]).unwrap();
+        let of = response.dates.iter().map(|date| &date.by_diameters);
+        of.map(|judgement| (judgement.call, judgement.reasons[0].words.clone())).collect::<Vec<_>>()
+    };
+    // 150 days after radiotherapy is no baseline of RANO 2.0, and neither is 36.
+    let kept = said("36 A=20x10 | 150 A=25x10");
+    assert_eq!((kept[0].0, kept[1].0), (Call::Baseline, Call::Progression));
+    assert!(kept[0].1.ends_with("the only scan with a later one: proposed by the program"), "{kept:?}");
+    // 28 days after it is.
+    let given_up = said("-20 A=20x10 | 28 A=25x10");
+    assert_eq!((given_up[0].0, given_up[1].0), (Call::BeforeBaseline, Call::Baseline), "{given_up:?}");
+    assert!(given_up[1].1.ends_with("28 days after radiotherapy"), "{given_up:?}");
+}
+
+#[test]
+fn why_steroids_were_raised_is_stated_after_the_dose() {
+    let of = |input| Missing {
+        input,
+        date: Some("2024-03-01".into()),
+        words: String::new(),
+        assumed: None,
+        phrase: input.template().into(),
+        assumption: None,
+    };
+    let to_state = |all: &[Input]| {
+        let judgement = Judgement {
+            missing: all.iter().map(|input| of(*input)).collect(),
+            ..super::super::plain(Call::CannotSay, Reason::plain(super::super::say::UNKNOWN))
+        };
+        judgement.to_state().map(|missing| missing.input).collect::<Vec<_>>()
+    };
+    assert_eq!(to_state(&[Input::SteroidsReason, Input::Steroids]), [Input::Steroids]);
+    assert_eq!(to_state(&[Input::SteroidsReason, Input::Flair]), [Input::SteroidsReason, Input::Flair]);
 }
 
 #[test]

@@ -1,0 +1,122 @@
+//! The lesions that calls rest on, at the baseline and at the last date.
+
+use glioscope_core::{
+    lesions::{LesionDate, LesionReport, LesionsReport, new_lesions},
+    response::{Evaluated, Quantity, SumReport, name_of},
+};
+
+use super::{
+    document::{Block, Table},
+    identity::Redactor,
+    responses::signed,
+};
+use crate::words::Words;
+
+/// A table of targets, other lesions of the baseline and new ones, for each compartment that has a sum; nothing without one.
+pub fn blocks(
+    evaluated: &Evaluated,
+    lesions: Option<&LesionsReport>,
+    words: &Words,
+    redactor: &Redactor,
+) -> Vec<Block> {
+    let Some(last) = evaluated.response.dates.last() else { return Vec::new() };
+    let tables = last.by_diameters.sums.iter().filter_map(|sum| {
+        let baseline = sum.baseline.as_ref()?;
+        let dates = [baseline.date.as_str(), last.date.as_str()];
+        let of = Targets { lesions, words, redactor, dates };
+        Some(Block::Table(of.table(sum)))
+    });
+    let tables: Vec<Block> = tables.collect();
+    if tables.is_empty() {
+        return tables;
+    }
+    std::iter::once(Block::Heading(words.get("section-targets"))).chain(tables).collect()
+}
+
+struct Targets<'a> {
+    lesions: Option<&'a LesionsReport>,
+    words: &'a Words,
+    redactor: &'a Redactor,
+    /// The baseline and the last date.
+    dates: [&'a str; 2],
+}
+
+impl Targets<'_> {
+    fn table(&self, sum: &SumReport) -> Table {
+        let words = self.words;
+        let role = |is_target: bool| words.get(if is_target { "is-target" } else { "is-not-target" });
+        let mut rows: Vec<Vec<String>> =
+            sum.lesions.iter().map(|one| self.row(&one.lesion, role(one.target), sum.quantity)).collect();
+        let report = self.lesions.into_iter();
+        let new = report.flat_map(new_lesions).filter(|(_, date)| date.time == self.dates[1]);
+        rows.extend(new.map(|(name, _)| self.row(name, words.get("is-new"), sum.quantity)));
+        let total = |value: Option<f64>| value.map_or_else(|| words.get("unknown"), |v| self.sum(v, sum.quantity));
+        let change = |percent: Option<f64>| percent.map(|p| signed(p, words)).unwrap_or_default();
+        rows.push(vec![
+            words.get("sum-of-targets"),
+            String::new(),
+            total(sum.baseline.as_ref().map(|of| of.sum)),
+            total(sum.sum),
+            change(sum.change_from_baseline_percent),
+        ]);
+        // The lowest sum where it isn't the baseline's.
+        let lowest = sum.nadir.as_ref().filter(|lowest| lowest.date != self.dates[0]);
+        let lowest = lowest.map(|lowest| {
+            let variables = [
+                ("sum", self.sum(lowest.sum, sum.quantity)),
+                ("date", lowest.date.clone()),
+                ("change", change(sum.change_from_nadir_percent)),
+            ];
+            words.with("lowest-sum", &variables)
+        });
+        let note = [lowest, Some(words.get("digits-note"))].into_iter().flatten().collect::<Vec<_>>();
+        let head = [
+            words.get("lesion"),
+            words.get("counts-as"),
+            self.dates[0].to_owned(),
+            self.dates[1].to_owned(),
+            words.get("lesion-change"),
+        ];
+        Table { head: head.into(), text_columns: 2, rows, note: Some(note.join(" ")) }
+    }
+
+    fn row(&self, name: &str, role: String, quantity: Quantity) -> Vec<String> {
+        let lesion = self.lesion(name);
+        let at = |date: &str| lesion.and_then(|l| l.dates.iter().find(|of| of.time == date));
+        let [before, now] = self.dates.map(at);
+        let size = |date: Option<&LesionDate>| date.map_or_else(|| "–".to_owned(), |d| self.size(d, quantity));
+        let value = |date: Option<&LesionDate>| match quantity {
+            Quantity::LongestMm => date?.d1_mm,
+            _ => date?.product_mm2,
+        };
+        let change = value(before).zip(value(now)).filter(|(before, _)| *before > 0.0);
+        let change = change.map(|(before, now)| signed(100.0 * (now / before - 1.0), self.words));
+        let own = lesion.map_or_else(|| name.to_owned(), |l| l.name.clone().unwrap_or_else(|| l.id.clone()));
+        vec![self.redactor.text(&own), role, size(before), size(now), change.unwrap_or_default()]
+    }
+
+    fn lesion(&self, name: &str) -> Option<&LesionReport> {
+        let all = &self.lesions?.lesions;
+        all.iter().find(|lesion| name_of(lesion, all) == name)
+    }
+
+    /// Diameters of the largest piece, and of all pieces what is summed.
+    fn size(&self, date: &LesionDate, quantity: Quantity) -> String {
+        let words = self.words;
+        if date.volume_ml.is_none() {
+            return words.get("unknown");
+        }
+        let (Some(d1), Some(d2), Some(product)) = (date.d1_mm, date.d2_mm, date.product_mm2) else {
+            return words.get("not-there");
+        };
+        match quantity {
+            Quantity::LongestMm => words.number(&format!("{d1:.1} mm")),
+            _ => words.number(&format!("{d1:.2} × {d2:.2} mm, {product:.1} mm²")),
+        }
+    }
+
+    fn sum(&self, value: f64, quantity: Quantity) -> String {
+        let unit = if quantity == Quantity::LongestMm { "mm" } else { "mm²" };
+        self.words.number(&format!("{value:.1} {unit}"))
+    }
+}

@@ -1,0 +1,51 @@
+//! Links between lesions on which the calls rest, and that nobody has verified: to be gone to and verified from here.
+
+use egui::{Link, RichText, Ui};
+use glioscope_core::lesions::LesionsReport;
+
+use crate::{
+    command::{Commands, EditCommand},
+    views::{
+        lesions::{self, Selected},
+        pane::Input,
+    },
+};
+
+/// A line about the links, which is always there; without any link nothing stands in it.
+pub(super) fn show(
+    ui: &mut Ui,
+    input: &Input<'_>,
+    report: &LesionsReport,
+    selected: &mut Selected,
+    out: &mut Commands,
+) {
+    selected.keep_in(report);
+    let proposed = report.proposed().count();
+    ui.horizontal_wrapped(|ui| {
+        if report.links.is_empty() {
+            ui.label(" ");
+            return;
+        }
+        if proposed == 0 {
+            ui.weak("All links between lesions are verified");
+            return;
+        }
+        let text = match proposed {
+            1 => "Rests on 1 unverified link".to_owned(),
+            several => format!("Rests on {several} unverified links"),
+        };
+        let link = ui.add(Link::new(RichText::new(text).color(ui.visuals().warn_fg_color)));
+        let tip = "Goes to the next one in all views (N): are both one lesion?";
+        if link.on_hover_text(tip).clicked() || lesions::is_pressed(ui, lesions::NEXT) {
+            lesions::next(input, report, selected, out);
+            lesions::select(ui, input, selected);
+        }
+        let edit = lesions::verify(report, selected);
+        let button = ui.add_enabled(edit.is_some(), egui::Button::new("Verify it").small());
+        let button = button.on_hover_text("Both are one lesion (V)");
+        let button = button.on_disabled_hover_text("Go to the link first (N)");
+        if let Some(edit) = edit.filter(|_| button.clicked() || lesions::is_pressed(ui, lesions::VERIFY)) {
+            out.push(EditCommand::EditLesions(vec![edit]));
+        }
+    });
+}

@@ -53,7 +53,9 @@ impl ResponseSetting {
     /// Proposes the baseline where the choice is none: the first of two scans with `mask`, as only that has a later one. What is
     /// stated stays; dates without a day have no order to tell.
     pub fn propose_baseline(&mut self, case: &Case, mask: Option<&str>) {
-        let Some(history) = self.history.as_mut().filter(|history| history.baseline.is_none()) else { return };
+        let Some(history) = self.history.as_mut().filter(|history| history.baseline.is_none()) else {
+            return;
+        };
         let [one, two] = case.time_points.as_slice() else { return };
         let has_mask =
             |time: &TimePoint| time.masks.iter().any(|with| mask.is_some_and(|id| with.mask.id() == id));

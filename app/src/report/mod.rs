@@ -394,7 +394,9 @@ fn new_lesions_shown(
     content: &Content<'_>,
     painter: &mut dyn Painter,
 ) -> Result<Vec<Block>, AppError> {
-    let (Some(report), Some(last)) = (content.lesions, case.time_points.last()) else { return Ok(Vec::new()) };
+    let (Some(report), Some(last)) = (content.lesions, case.time_points.last()) else {
+        return Ok(Vec::new());
+    };
     let new = new_lesions(report).filter(|(_, date)| date.time == last.label);
     let part_of = |date: &LesionDate| {
         let largest = date.parts.iter().max_by(|a, b| a.volume_ml.total_cmp(&b.volume_ml))?;
@@ -411,8 +413,7 @@ fn new_lesions_shown(
         shown.nav.pin_mm(place_mm);
         painter.show(&shown);
         let rgba = painter.picture(pane, size)?;
-        let caption =
-            content.words.with("picture-new-lesion", &[("lesion", content.redactor.text(name))]);
+        let caption = content.words.with("picture-new-lesion", &[("lesion", content.redactor.text(name))]);
         let caption = caption_of(case, &shown, pane, &caption, content.words);
         blocks.push(Block::Picture(Picture { name: format!("new-lesion-{}", n + 1), caption, size, rgba }));
     }

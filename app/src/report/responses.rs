@@ -66,7 +66,8 @@ pub fn blocks(
     }
     if let Some(date) = response.dates.last() {
         let ([of_diameters, of_volume], mut missing) = why(date, words, redactor);
-        let named = [("by-diameters", &date.by_diameters, of_diameters), ("by-volume", &date.by_volume, of_volume)];
+        let named =
+            [("by-diameters", &date.by_diameters, of_diameters), ("by-volume", &date.by_volume, of_volume)];
         let facts = named.map(|(key, judgement, reasons)| {
             (words.get(key), [vec![call(judgement, words)], reasons].concat().join("; "))
         });
@@ -104,7 +105,8 @@ fn why(date: &DateResponse, words: &Words, redactor: &Redactor) -> ([Vec<String>
         of_volume.push(words.get("else-as-by-diameters"));
     }
     let of_diameters = diameters.iter().filter(|r| !is_doubt(r)).map(text).collect();
-    let doubts = diameters.iter().map(|reason| (volume.contains(reason), "reason-by-diameters-alone", reason));
+    let doubts =
+        diameters.iter().map(|reason| (volume.contains(reason), "reason-by-diameters-alone", reason));
     let doubts = doubts.chain(others.iter().map(|reason| (false, "reason-by-volume-alone", reason)));
     let doubts = doubts.filter(|(.., reason)| is_doubt(reason)).map(|(is_of_both, key, (_, text))| {
         let text = if is_of_both { text.clone() } else { words.with(key, &[("reason", text.clone())]) };

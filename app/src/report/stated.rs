@@ -1,6 +1,6 @@
 //! What the reader stated for the response, as a table: what, of which scan, and by whom.
 
-use glioscope_core::response::{History, PROGRAM};
+use glioscope_core::response::{History, PROGRAM, ScanFacts};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -52,7 +52,10 @@ pub fn blocks(history: &History, words: &Words, redactor: &Redactor, is_named: b
     for surgery in &history.surgery {
         rows.row("surgery", "", Some(surgery.date.to_string()), "");
     }
-    for facts in &history.date {
+    // In the order of the dates, not of the answers.
+    let mut of_scans: Vec<&ScanFacts> = history.date.iter().collect();
+    of_scans.sort_by(|a, b| (a.days, &a.date).cmp(&(b.days, &b.date)));
+    for facts in of_scans {
         let of = value(facts);
         for (key, unit) in SCAN {
             rows.fact(key, &facts.date.0, of.get(key), unit);
@@ -219,7 +222,8 @@ mod tests {
 
     #[test]
     fn treatments_have_an_author_and_a_proposed_baseline_has_none() {
-        let treatment = "treatment = [{ start = 2024-02-05, kind = \"drug\", author = \"C. D.\", entered = 2024-05-01 }]";
+        let treatment =
+            "treatment = [{ start = 2024-02-05, kind = \"drug\", author = \"C. D.\", entered = 2024-05-01 }]";
         let mut of = history(treatment, "");
         of.baseline = Some(Fact::proposed(Label("2024-01-01".into())));
         let rows = cells(&of, Language::En, true);

@@ -50,7 +50,8 @@ impl Targets<'_> {
         let report = self.lesions.into_iter();
         let new = report.flat_map(new_lesions).filter(|(_, date)| date.time == self.dates[1]);
         rows.extend(new.map(|(name, _)| self.row(name, words.get("is-new"), sum.quantity)));
-        let total = |value: Option<f64>| value.map_or_else(|| words.get("unknown"), |v| self.sum(v, sum.quantity));
+        let total =
+            |value: Option<f64>| value.map_or_else(|| words.get("unknown"), |v| self.sum(v, sum.quantity));
         let change = |percent: Option<f64>| percent.map(|p| signed(p, words)).unwrap_or_default();
         rows.push(vec![
             words.get("sum-of-targets"),
@@ -84,7 +85,8 @@ impl Targets<'_> {
         let lesion = self.lesion(name);
         let at = |date: &str| lesion.and_then(|l| l.dates.iter().find(|of| of.time == date));
         let [before, now] = self.dates.map(at);
-        let size = |date: Option<&LesionDate>| date.map_or_else(|| "–".to_owned(), |d| self.size(d, quantity));
+        let size =
+            |date: Option<&LesionDate>| date.map_or_else(|| "–".to_owned(), |d| self.size(d, quantity));
         let value = |date: Option<&LesionDate>| match quantity {
             Quantity::LongestMm => date?.d1_mm,
             _ => date?.product_mm2,

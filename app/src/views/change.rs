@@ -46,6 +46,8 @@ pub fn pair_colors(palette: Palette) -> MaskColors {
     MaskColors::new(palette, &[Some(shrink), Some(grow)])
 }
 
+/// Most of a mask's name in the controls, points.
+const NAME_WIDTH: f32 = 130.0;
 /// Room for all controls in lines of the pane, points; with less some are in a menu.
 const ONE_LINE: f32 = 700.0;
 /// The end of a fixed colour scale before a comparison is known, millimetres.
@@ -280,15 +282,19 @@ fn controls(ui: &mut Ui, input: &Input<'_>, chosen: &Choice, scale_mm: Option<f6
     let mut new = setting.clone();
     ui.add_space(4.0);
     let (ids, masks) = (ids_at(input.case, chosen.dates), &input.doc.edit.masks);
-    let combo = ComboBox::from_id_salt("compared mask").selected_text(masks.name(&chosen.id)).width(70.0).truncate();
-    let response = combo.show_ui(ui, |ui| {
-        for id in ids {
-            if ui.selectable_label(chosen.id == id, masks.name(id)).clicked() {
-                new.of = Some(id.to_owned());
+    let combo = ComboBox::from_id_salt("compared mask").selected_text(masks.name(&chosen.id)).width(70.0);
+    // A long name doesn't push the rest to other lines.
+    let response = ui.allocate_ui(vec2(NAME_WIDTH, ui.spacing().interact_size.y), |ui| {
+        combo.truncate().show_ui(ui, |ui| {
+            for id in ids {
+                if ui.selectable_label(chosen.id == id, masks.name(id)).clicked() {
+                    new.of = Some(id.to_owned());
+                }
             }
-        }
+        })
     });
-    response.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, "Mask to compare"));
+    let response = response.inner.response.on_hover_text(masks.name(&chosen.id));
+    response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, "Mask to compare"));
     let [from, to] = chosen.dates.map(|d| input.case.time_points[d].label.as_str());
     ui.label(format!("{from} to {to}"));
     for (style, text, tip) in [

@@ -67,10 +67,7 @@ pub fn show(
     let patient = &case.patient;
     let reply = modal::show(ui.ctx(), "Write a report", |ui| {
         ui.set_width(WIDTH_POINTS);
-        ui.label(
-            "One file to hand over: pictures, numbers, and warnings in front. It opens without a \
-             network, and from a mail.",
-        );
+        ui.label("One file to hand over: calls, warnings, pictures and numbers.");
         ui.add_space(6.0);
         Grid::new("report").num_columns(2).spacing([16.0, 8.0]).show(ui, |ui| {
             ui.label("Patient");
@@ -189,9 +186,7 @@ fn pictures(ui: &mut Ui, case: &Case, doc: &Document, out: &mut Commands) {
     ui.add_space(6.0);
     if kept.is_empty() {
         let key = Command::from(AppCommand::KeepPicture).shortcut_text().unwrap_or_default();
-        ui.weak(format!(
-            "Pictures: every view as it is now. {key} over a view keeps it; then only what was kept is shown."
-        ));
+        ui.weak(format!("Pictures: every view as it is now, or only those that {key} over a view has kept."));
         return;
     }
     ui.strong("Pictures");

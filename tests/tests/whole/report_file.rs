@@ -10,7 +10,7 @@ use glioscope_core::{
 };
 use glioscope_tests::{real_data, run};
 
-use crate::PROGRAM;
+use crate::{PROGRAM, lesions::balls};
 
 fn text(path: &Path) -> &str {
     path.to_str().unwrap()
@@ -127,6 +127,46 @@ fn a_report_of_dicom_has_as_much_of_the_identity_as_was_chosen() {
     assert!(full.contains("<dt>Patient</dt><dd>") && full.contains("STS_003"));
     assert!(!none.contains("STS_003") && !initials.contains("STS_003") && !none.contains("dicom-multimodal"));
     assert!(initials.contains("<dt>Patient</dt><dd>S.</dd>"), "{}", &initials[..4000]);
+}
+
+#[test]
+fn a_response_begins_with_what_a_referring_physician_reads() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let (old, new) = (([15.0, 15.0, 20.0], 8.0), ([45.0, 45.0, 20.0], 5.0));
+    let [a, b] = [("a.nii", vec![old]), ("b.nii", vec![old, new])].map(|(name, of)| balls(&at(name), &of));
+    let history =
+        "response = 1\ncriterion = \"rano-2010\"\nbaseline = 2024-01-01\nradiotherapy_end = \"none\"\n";
+    std::fs::write(at("history.toml"), history).unwrap();
+    let [masks, images] =
+        ["T", "I"].map(|id| [format!("{id}={a}@2024-01-01"), format!("{id}={b}@2024-03-01")]);
+    let mut arguments =
+        vec!["--history", text(&at("history.toml"))].iter().map(ToString::to_string).collect::<Vec<_>>();
+    for (option, all) in [("--mask", &masks), ("--context", &images)] {
+        arguments.extend(all.iter().flat_map(|one| [option.to_owned(), one.clone()]));
+    }
+    let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let page = words(&report(&arguments, &at("report.html")));
+    let place = |what: &str| page.rfind(what).unwrap_or_else(|| panic!("{what}: {page}"));
+    let order = ["Response by RANO 2010</h2>", "Why, 2024-03-01:", "Lesions that the calls rest on</h2>"];
+    let order = [&order[..], &["Stated by the reader</h2>", "Pictures</h2>", "Lesions of T</h2>"]].concat();
+    assert!(order.is_sorted_by_key(|what| place(what)), "{page}");
+    // The new lesion has its own slice, and no slice is shown twice.
+    assert_eq!(page.matches("<figcaption>New lesion B in its axial slice.").count(), 1, "{page}");
+    assert!(page.contains("The dates side by side") && !page.contains("Axial slice with the outlines"));
+    // Diameters have as many digits as their product needs.
+    let cell = "<td class=\"number\">";
+    let of_lesions = &page[place("Lesions of T</h2>")..];
+    let of_lesions = of_lesions.split("</table>").next().unwrap();
+    let sizes: Vec<&str> = of_lesions.split(cell).filter(|cell| cell.contains(" × ")).collect();
+    assert_eq!(sizes.len(), 3, "A twice, B once: {sizes:?}");
+    for size in sizes {
+        let product = &of_lesions[of_lesions.find(size).unwrap() + size.len() + cell.len()..];
+        let number = |text: &str| text.split([' ', ',', '<']).next().unwrap().parse::<f64>().unwrap();
+        let (d1, d2) = size.split_once(" × ").unwrap();
+        let (d1, d2, product) = (number(d1), number(d2), number(product));
+        assert!((d1 * d2 - product).abs() <= 0.005 * (d1 + d2) + 0.051, "{d1} × {d2}: {product}");
+    }
 }
 
 #[test]

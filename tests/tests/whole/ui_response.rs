@@ -276,7 +276,7 @@ fn the_layout_for_the_response_shows_all_of_it_on_a_small_screen() {
     let author = harness.get_by_role_and_label(egui::accesskit::Role::TextInput, "stated by").rect();
     for rect in [
         harness.get_by_label("By volume").rect(),
-        harness.get_by_label("Lowest").rect(),
+        harness.get_by_label("From the lowest").rect(),
         harness.get_by_label_contains("the masks show B").rect(),
         harness.get_by_label("by volume").rect(),
         harness.get_by_label("Verify it").rect(),
@@ -298,6 +298,7 @@ fn of_two_scans_the_first_is_the_baseline_until_the_criteria_choose_another() {
     assert_eq!(baseline(&harness), Fact::proposed(Label("2024-01-01".into())));
     assert!(harness.query_by_label_contains("proposed: the only one").is_some());
     // 8 against 8 mm, and a new lesion of the masks: the calls stand in a line on top.
+    click(&mut harness, "Radiotherapy: there was none");
     let last = harness.state().results.response.last().unwrap().response.dates.last().unwrap().clone();
     assert_eq!(last.by_diameters.call, Call::Progression);
     assert_eq!(harness.query_all_by_label("+0.0 % (margin unknown)").count(), 1, "by diameters");
@@ -318,7 +319,8 @@ fn links_and_new_lesions_are_gone_to_and_verified_from_the_form() {
     choose(&mut harness, "Criteria", "RANO 2010");
     let pane = harness.state().pane_rect(PaneId::Response).unwrap();
     let lens = |harness: &Window| doc(harness).edit.lens.center_mm.to_array();
-    let is_at = |harness: &Window, mm: [f64; 3]| lens(harness).iter().zip(mm).all(|(a, b)| (a - b).abs() < 1.5);
+    let is_at =
+        |harness: &Window, mm: [f64; 3]| lens(harness).iter().zip(mm).all(|(a, b)| (a - b).abs() < 1.5);
     let verified = |harness: &Window| doc(harness).edit.lesions.edits.len();
     // Nothing to verify before it was looked at.
     harness.hover_at(pane.center());
@@ -326,7 +328,8 @@ fn links_and_new_lesions_are_gone_to_and_verified_from_the_form() {
     wait_for_workers(&mut harness);
     assert_eq!(verified(&harness), 0);
     click(&mut harness, "Rests on 1 unverified link");
-    assert!(is_at(&harness, [15.0, 15.0, 20.0]) && doc(&harness).nav.time == 1, "{:?}", lens(&harness));
+    assert!(is_at(&harness, [15.0, 15.0, 20.0]), "{:?}", lens(&harness));
+    assert_eq!(doc(&harness).nav.time, 1);
     harness.get_by_label_contains("the masks show B").click();
     wait_for_workers(&mut harness);
     assert!(is_at(&harness, [45.0, 45.0, 20.0]), "{:?}", lens(&harness));
@@ -378,7 +381,8 @@ fn a_treatment_has_its_kind_before_its_day_and_an_author() {
     harness.run_ok();
     harness.key_press(Key::Enter);
     wait_for_workers(&mut harness);
-    let treatments = |harness: &Window| doc(harness).edit.response.history.clone().unwrap().treatment.unwrap();
+    let treatments =
+        |harness: &Window| doc(harness).edit.response.history.clone().unwrap().treatment.unwrap();
     let [one] = treatments(&harness).try_into().unwrap();
     assert_eq!(one.kind, TreatmentKind::Immunotherapy);
     assert_eq!((one.start.to_string().as_str(), one.author.as_deref()), ("2024-02-05", Some("A. B.")));

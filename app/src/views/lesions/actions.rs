@@ -109,7 +109,12 @@ pub(in crate::views) fn verify(report: &LesionsReport, selected: &Selected) -> O
 }
 
 /// The first proposed link after the selected one, in the order of the list.
-pub(in crate::views) fn next(input: &Input<'_>, report: &LesionsReport, selected: &mut Selected, out: &mut Commands) {
+pub(in crate::views) fn next(
+    input: &Input<'_>,
+    report: &LesionsReport,
+    selected: &mut Selected,
+    out: &mut Commands,
+) {
     let all: Vec<[&Anchor; 2]> = report.proposed().filter_map(ends).collect();
     let current = all.iter().position(|link| selected.is_link(*link));
     let at = current.map_or(0, |at| (at + 1) % all.len().max(1));

@@ -36,7 +36,8 @@ pub(super) fn overall(ui: &mut Ui, dates: &[DateResponse]) {
     ui.horizontal_wrapped(|ui| {
         ui.strong(&last.date);
         for (judgement, by) in [(&last.by_diameters, "by diameters"), (&last.by_volume, "by volume")] {
-            let call = RichText::new(call_text(judgement)).color(color(judgement.call, &tokens)).heading();
+            // That a call is by images alone stands in the table below.
+            let call = RichText::new(judgement.call.short()).color(color(judgement.call, &tokens)).heading();
             ui.label(call);
             ui.label(by);
             if let Some(sum) = judgement.sums.first()

@@ -177,14 +177,20 @@ fn another_treatment(ui: &mut Ui, history: &mut History, by: &By) {
     let chosen = ui.make_persistent_id("kind of another treatment");
     ui.horizontal_wrapped(|ui| {
         let mut kind = ui.data(|data| data.get_temp::<TreatmentKind>(chosen));
-        let mut is_next = false;
+        // In the frame after the click, which takes the focus of every field.
+        let focus = chosen.with("day");
+        let is_next = ui.data_mut(|data| data.remove_temp::<bool>(focus)).unwrap_or_default();
         ui.label("Add");
         for (of, text) in KINDS {
             let response = ui.radio(kind == Some(of), text);
             name_widget(ui, &response, &format!("Kind of another treatment: {text}"));
             if response.clicked() {
-                (kind, is_next) = (Some(of), true);
-                ui.data_mut(|data| data.insert_temp(chosen, of));
+                kind = Some(of);
+                ui.data_mut(|data| {
+                    data.insert_temp(chosen, of);
+                    data.insert_temp(focus, true);
+                });
+                ui.ctx().request_repaint();
             }
         }
         let label = ui.label("started on");

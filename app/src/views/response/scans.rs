@@ -121,15 +121,17 @@ pub(super) fn show(
                     let name = ui.label(title);
                     if counts {
                         cell(ui, asked, &format!("{title} at {date}"), &mut facts, name.id, by);
-                        let found = wanted.new_in_masks.get(label.as_str());
-                        let found = found.filter(|_| asked == Asked::NewLesion);
-                        for (n, found) in found.into_iter().flatten().enumerate() {
-                            of_masks(ui, input, (n, found), out);
-                        }
                     } else {
                         ui.weak("changes no call any more");
                     }
                 });
+                // On lines of their own, where they stay whole.
+                let found = wanted.new_in_masks.get(label.as_str());
+                for (n, found) in
+                    found.filter(|_| asked == Asked::NewLesion).into_iter().flatten().enumerate()
+                {
+                    of_masks(ui, input, (n, found), out);
+                }
             }
             if facts != before {
                 *facts_of(history, label) = facts;

@@ -60,7 +60,10 @@ fn a_history_is_read() {
     assert_eq!(history.date[0].clinical, None);
     assert_eq!(history.disease.as_ref().unwrap().entered.as_deref(), Some("2024-05-01"));
     let treatment = &history.treatment.as_ref().unwrap()[0];
-    assert_eq!((treatment.author.as_deref(), treatment.entered.as_deref()), (Some("A. B."), Some("2024-05-01")));
+    assert_eq!(
+        (treatment.author.as_deref(), treatment.entered.as_deref()),
+        (Some("A. B."), Some("2024-05-01"))
+    );
     let unnamed = history.clone().without_authors().treatment.unwrap().remove(0);
     assert_eq!((unnamed.author, unnamed.entered), (None, None));
     let response = evaluate(&history, &[]).unwrap();

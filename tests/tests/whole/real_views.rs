@@ -285,6 +285,7 @@ fn overlap_ring_areas_are_proportional_to_mask_volumes() {
         selection: &doc.edit.selection.at(regions),
         colors: &colors,
         mode: OverlapMode::Regions,
+        is_picture: false,
     };
     let rgba = Offscreen::new(&software_gpu(), false)
         .picture([900, 900], 1.0, |ui| {

@@ -246,7 +246,7 @@ fn why_steroids_were_raised_is_stated_after_the_dose() {
     let to_state = |all: &[Input]| {
         let judgement = Judgement {
             missing: all.iter().map(|input| of(*input)).collect(),
-            ..super::super::plain(Call::CannotSay, Reason::plain(super::super::say::UNKNOWN))
+            ..plain(Call::CannotSay, Reason::plain(say::UNKNOWN))
         };
         judgement.to_state().map(|missing| missing.input).collect::<Vec<_>>()
     };

@@ -1,5 +1,7 @@
 //! Numbers formatted for display. `--json` has full precision.
 
+use glioscope_core::change::{DisplacementReport, Explains};
+
 /// A volume with one to four decimals, more for smaller values: `12.34 ml`, `0.012 ml`. `unknown` where it isn't
 /// finite.
 pub fn ml(value: f64) -> String {
@@ -43,6 +45,18 @@ pub fn count(n: u64) -> String {
 /// A length with one decimal, more for small ones: `23.4 mm`, `0.00030 mm`.
 pub fn length_mm(length_mm: f64) -> String {
     format!("{} mm", glioscope_core::decimal::text(length_mm, 1))
+}
+
+/// What a component's displacement explains: `displaced by 3.1 mm (± 1.0 mm), not grown`. `None` where it explains little.
+pub fn displacement(found: &DisplacementReport) -> Option<String> {
+    let what = match found.explains {
+        Explains::All => ", not grown",
+        Explains::AllButGrowth => " and grown",
+        Explains::AllButShrinkage => " and shrunk",
+        Explains::Little => return None,
+    };
+    let [length, uncertain] = [found.length_mm, found.uncertainty_mm].map(length_mm);
+    Some(format!("displaced by {length} (± {uncertain}){what}"))
 }
 
 /// A number without trailing zeros: `20`, `0.5`.

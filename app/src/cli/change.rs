@@ -199,10 +199,19 @@ fn table(r: &ChangeReport) -> String {
             if list.is_empty() { "nothing".into() } else { list.join(" + ") }
         };
         let fate: &str = group.fate.into();
-        lines.push(format!("component {number}: {fate} ({} to {})", ml(&group.from), ml(&group.to)));
+        let displaced = group.displacement.as_ref().and_then(format::displacement);
+        let displaced = displaced.map_or_else(String::new, |text| format!("; {text}"));
+        lines.push(format!(
+            "component {number}: {fate} ({} to {}){displaced}",
+            ml(&group.from),
+            ml(&group.to)
+        ));
     }
     if r.components.len() > 20 {
         lines.push(format!("… and {} components more", r.components.len() - 20));
+    }
+    if r.components.iter().any(|group| group.displacement.as_ref().and_then(format::displacement).is_some()) {
+        lines.push("displaced: growth on one side with shrinkage on the other looks the same".to_owned());
     }
     let flags: Vec<&str> = r.flags.iter().map(Into::into).collect();
     if !flags.is_empty() {

@@ -3,7 +3,7 @@
 use glioscope_core::{
     Check, Severity,
     case::{Case, TimePoint},
-    change::{ChangeReport, Lengths},
+    change::{ChangeReport, Explains, GroupReport, Lengths},
     dates, decimal,
     lesions::{EventKind, LesionDate, LesionReport, LesionsReport, LinkState, Values},
     measure::{
@@ -159,6 +159,7 @@ impl Content<'_> {
                 )
             };
             blocks.push(Block::Text(format!("{first} {second}")));
+            blocks.extend(self.displaced(change).map(Block::Text));
         }
         blocks.extend(self.lesions.and_then(|report| self.summary_of_lesions(report)));
         blocks
@@ -400,6 +401,7 @@ impl Content<'_> {
         if !self.changes.is_empty() {
             blocks.push(Block::Heading(words.get("section-change")));
             blocks.push(Block::Table(self.change_table()));
+            blocks.extend(self.changes.iter().filter_map(|change| self.displaced(change)).map(Block::Text));
             if let Some(report) = self.self_check {
                 blocks.extend(self_checks::blocks(report, &self.name(&report.mask), words));
             }
@@ -463,6 +465,38 @@ impl Content<'_> {
             rows: series.iter().map(row).collect(),
             note: None,
         }
+    }
+
+    /// What is said of components that moved rather than grew; nothing where none did.
+    fn displaced(&self, change: &ChangeReport) -> Option<String> {
+        let words = self.words;
+        let sentence = |group: &GroupReport| {
+            let found = group.displacement.as_ref()?;
+            let key = match found.explains {
+                Explains::All => "displaced-not-grown",
+                Explains::AllButGrowth => "displaced-and-grown",
+                Explains::AllButShrinkage => "displaced-and-shrunk",
+                Explains::Little => return None,
+            };
+            let volume = words.ml(group.to.iter().map(|part| part.volume_ml).sum());
+            let (by, uncertainty) = (words.mm(Some(found.length_mm)), words.mm(Some(found.uncertainty_mm)));
+            let between = format!("{} \u{2192} {}", change.from, change.to);
+            let mask = self.name(&change.mask);
+            let values = [
+                ("mask", mask),
+                ("between", between),
+                ("volume", volume),
+                ("by", by),
+                ("uncertainty", uncertainty),
+            ];
+            Some(words.with(key, &values))
+        };
+        let mut sentences: Vec<String> = change.components.iter().filter_map(sentence).collect();
+        if sentences.is_empty() {
+            return None;
+        }
+        sentences.push(words.get("displaced-note"));
+        Some(sentences.join(" "))
     }
 
     fn change_table(&self) -> Table {

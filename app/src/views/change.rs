@@ -3,7 +3,7 @@
 
 use egui::{Color32, ComboBox, Rect, Role, Sense, Ui, WidgetInfo, vec2};
 use glam::DVec3;
-use glioscope_core::change::{ChangeError, Choice, Flag, Lengths, ids_at};
+use glioscope_core::change::{ChangeError, ChangeReport, Choice, Flag, GroupReport, Lengths, ids_at};
 use glioscope_render::{
     ChangeContext, ChangeLook, ChangePick, ChangeScene, ChangeStyle, MaskColors, Palette,
     views::change::Change,
@@ -428,6 +428,7 @@ fn legend(
             walls.map(|(verb, l)| format!(", {verb} by {} mm (median)", mm(l.p50_mm))).collect();
         lines.push((None, format!("cavities {from} to {to}{walls}: not among the vectors")));
     }
+    lines.extend(displaced_lines(report).into_iter().map(|text| (None, text)));
     lines.extend(report.flags.iter().filter_map(|flag| Some((None, flag_text(*flag)?.to_owned()))));
     if input.doc.edit.change.style == ChangeStyle::Arrows {
         lines.push((None, format!("arrows of {:.1} mm and more", look.threshold_mm)));
@@ -472,6 +473,25 @@ fn legend(
         painter.galley(corner + vec2(inset(color), 0.0), galley, ink);
         corner.y += line;
     }
+}
+
+/// Components named by the legend as displaced at most: the table of `change` has all.
+const MOST_DISPLACED: usize = 4;
+
+/// What is said of components that moved rather than grew: by their volumes where there are several.
+fn displaced_lines(report: &ChangeReport) -> Vec<String> {
+    let counted = report.components.iter().filter(|group| !group.small).count();
+    let of = |group: &GroupReport| {
+        let text = format::displacement(group.displacement.as_ref()?)?;
+        let volume = group.to.iter().map(|part| part.volume_ml).sum();
+        Some(if counted > 1 { format!("{} component {text}", format::ml(volume)) } else { text })
+    };
+    let mut lines: Vec<String> = report.components.iter().filter_map(of).collect();
+    if lines.len() > MOST_DISPLACED {
+        let more = lines.split_off(MOST_DISPLACED).len();
+        lines.push(format!("{more} more displaced: glioscope change lists them"));
+    }
+    lines
 }
 
 /// The ramp of change: shrinkage on the left, growth on the right, zero in the middle; the band within `uncertainty_mm`,

@@ -59,12 +59,13 @@ impl Call {
     }
 }
 
-/// Mean movement of the surface in millimetres, growth positive: where it didn't move counts as 0, components that appeared or vanished
-/// don't count. `length_mm` is a vector's length, without its sign. Over the voxels of the later outer surface where the sum of all
-/// vectors is positive, else of the earlier one. `None` without a surface at both dates.
+/// Mean movement of the surface in millimetres, growth positive: where it moved by less than a voxel that counts, too; components that
+/// appeared or vanished don't count. `length_mm` is a vector's length, without its sign. Over the voxels of the later outer surface where the sum
+/// is positive, else of the earlier one. `None` without a surface at both dates.
 pub fn mean_move_mm(change: &Change, length_mm: impl Fn(&SurfaceChange) -> f64) -> Option<f64> {
     let counts = &change.counts;
-    let sum_mm: f64 = change.vectors.iter().map(|v| length_mm(v).copysign(v.signed_mm)).sum();
+    let of_vectors_mm: f64 = change.vectors.iter().map(|v| length_mm(v).copysign(v.signed_mm)).sum();
+    let sum_mm = of_vectors_mm + change.moved_within_voxels_mm;
     let kept = [
         counts.surface_from.saturating_sub(counts.vanished_voxels),
         counts.surface_to.saturating_sub(counts.appeared_voxels),

@@ -68,7 +68,7 @@ impl<'a> Enclosing<'a> {
     }
 
     /// Whether component `label` encloses the voxel.
-    fn encloses(&self, label: u32, linear: usize) -> bool {
+    pub fn encloses(&self, label: u32, linear: usize) -> bool {
         self.enclosed_by.get(&linear).is_some_and(|labels| labels.contains(&label))
     }
 

@@ -4,13 +4,15 @@
 //! intersection assigns it a partner on the other surface. Decisions that the thesis leaves open: walls of cavities are
 //! reported apart; partners are sought only among overlapping components; a component without a counterpart gets no
 //! arrow but is listed; masks without a common voxel are compared by volume only, as they may not be aligned; each
-//! length is accompanied by the plain distance to the nearest surface voxel and by its uncertainty, the smallest change
+//! length is accompanied by the plain distance to the nearest place of the other surface and by its uncertainty, the smallest change
 //! that can be distinguished from none.
 
 mod call;
 mod cavities;
 mod choice;
+mod displacement;
 mod groups;
+mod place;
 mod point_cloud;
 mod report;
 mod stats;
@@ -34,10 +36,14 @@ pub use call::{Call, MOVED_SHARE, mean_move_mm};
 pub use cavities::Cavities;
 use cavities::Enclosing;
 pub use choice::{Choice, ids_at};
+use displacement::displacement_of;
+pub use displacement::{Displacement, Explains};
 pub use groups::{Fate, Group, Part};
+use place::{Edges, Places};
 pub(crate) use report::registration_mm;
 pub use report::{
-    ChangeReport, Counters, GroupReport, NearestReport, PartReport, UncertaintyReport, between, csv, report,
+    ChangeReport, Counters, DisplacementReport, GroupReport, NearestReport, PartReport, UncertaintyReport,
+    between, csv, report,
 };
 pub use stats::{Histogram, Lengths};
 pub use uncertainty::{COVERAGE, Sampling, Uncertainty};
@@ -62,7 +68,7 @@ pub struct ChangeOptions {
     pub smallest_ml: f64,
     /// Whether both masks are taken to lie in one space; otherwise only volumes are compared.
     pub is_aligned: bool,
-    /// Whether partners are found through the skeleton. Without it each is the nearest voxel of the other surface: another length, but
+    /// Whether partners are found through the skeleton. Without it each is the nearest place of the other surface: another length, but
     /// what is within uncertainty is the same, and so is the call.
     pub by_skeleton: bool,
 }
@@ -157,7 +163,7 @@ pub enum ChangeError {
 /// Flags of one vector.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ChangeFlags {
-    /// No voxel of the other surface has the same nearest skeleton point: the partner is the nearest voxel of the
+    /// No voxel of the other surface has the same nearest skeleton point, or one about as near: the partner is the nearest voxel of the
     /// other surface in the same group.
     pub no_set: bool,
     /// Shorter than its uncertainty: the other surface lies so close, in whatever direction, that the two can't be
@@ -176,7 +182,7 @@ pub struct SurfaceChange {
     pub to_mm: DVec3,
     /// Distance between the two: positive for growth, negative for recession, never 0.
     pub signed_mm: f64,
-    /// Distance from the voxel to the nearest voxel of the other mask's surface, for comparison.
+    /// Distance from the surface here to the nearest place of the other mask's surface, for comparison.
     pub nearest_mm: f64,
     /// Uncertainty along this vector: shorter lengths can't be distinguished from no change. The length times
     /// [`COVERAGE`], divided by the distance from the voxel to the other surface in standard deviations of
@@ -268,8 +274,13 @@ pub struct Change {
     pub vectors: Vec<SurfaceChange>,
     /// The outer surface voxels without a partner, in memory order.
     pub unpartnered: Vec<Unpartnered>,
+    /// Sum over the voxels that lie on both outer surfaces, and so have no vector, of how far the surface moved within them in
+    /// millimetres, outwards positive.
+    pub moved_within_voxels_mm: f64,
     /// Components of both time points, matched by overlap; empty where the masks share no voxel.
     pub groups: Vec<Group>,
+    /// The own displacement of each group, where one is sought; empty where there are no vectors.
+    pub displacements: Vec<Option<Displacement>>,
     /// Skeleton of the intersection; empty where it isn't needed.
     pub skeleton: Skeleton,
     /// Number of voxels that contain a skeleton point; their mean points determine the partners.
@@ -362,7 +373,9 @@ pub fn change_with(
         flags: Vec::new(),
         vectors: Vec::new(),
         unpartnered: Vec::new(),
+        moved_within_voxels_mm: 0.0,
         groups: Vec::new(),
+        displacements: Vec::new(),
         skeleton: Skeleton::default(),
         skeleton_voxels: 0,
         uncertainty: Uncertainty::new(samplings, options.registration_mm),
@@ -401,9 +414,11 @@ pub fn change_with(
         [enclosing[0].surfaces(&groups, 0), enclosing[1].surfaces(&groups, 1)];
     out.cavities = Cavities::of(enclosing.each_ref(), [&walls_from, &walls_to], mm)?;
     let shifts_mm = samplings.map(|sampling| sampling.shift_mm);
-    let surfaces = Surfaces::new(enclosing.each_ref(), [&outer_from, &outer_to], &groups, mm, shifts_mm);
+    let places = Places::new(enclosing.each_ref(), &groups, mm, &samplings);
+    let surfaces = Surfaces::new(enclosing.each_ref(), [&outer_from, &outer_to], &groups, &places);
     out.counts.surface_from = surfaces.all[0].len() as u64;
     out.counts.surface_to = surfaces.all[1].len() as u64;
+    out.moved_within_voxels_mm = surfaces.moved_within_voxels_mm();
     let outer = || surfaces.outer.iter().flatten();
     if outer().next().is_none() {
         if gone + new > 0 {
@@ -436,6 +451,20 @@ pub fn change_with(
     }
     out.vectors = found.vectors;
     out.unpartnered = found.unpartnered;
+    let displacement = |(group, number): (&Group, u32)| {
+        let ([before], [after]) = (group.before.as_slice(), group.after.as_slice()) else { return Ok(None) };
+        if group.fate != Fate::Matched || group.is_small {
+            return Ok(None);
+        }
+        let body = |date: usize, part: &Part| displacement::Body {
+            surface: &surfaces.all[date],
+            centroid_mm: part.centroid_mm + shifts_mm[date],
+            volume_ml: part.volume_ml,
+        };
+        displacement_of(&out, number, [body(0, before), body(1, after)], &Edges::new(mm), progress)
+    };
+    let displacements: Result<Vec<_>, ChangeError> = groups.list.iter().zip(0..).map(displacement).collect();
+    out.displacements = displacements?;
     out.groups = groups.list;
     Ok(out)
 }

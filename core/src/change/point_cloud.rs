@@ -21,6 +21,12 @@ impl PointCloud {
         Ok(Self { tree, points, ids })
     }
 
+    /// Ids of the points at most `reach` from `p`, in their order.
+    pub fn within(&self, p: DVec3, reach: f64) -> impl Iterator<Item = u32> + '_ {
+        let near = move |(q, _): &(&DVec3, &u32)| q.distance_squared(p) <= reach * reach;
+        self.points.iter().zip(&self.ids).filter(near).map(|(_, id)| *id)
+    }
+
     /// Id of the nearest point and its distance; the first on ties.
     pub fn nearest(&self, p: DVec3) -> Option<(u32, f64)> {
         if let Some(tree) = &self.tree {

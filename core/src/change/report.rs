@@ -4,8 +4,8 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::{
-    COVERAGE, Call, Change, ChangeCounts, ChangeError, ChangeOptions, Choice, Fate, Flag, Histogram, Lengths,
-    Part, Sampling, SurfaceChange, change_with, mean_move_mm,
+    COVERAGE, Call, Change, ChangeCounts, ChangeError, ChangeOptions, Choice, Displacement, Explains, Fate,
+    Flag, Histogram, Lengths, Part, Sampling, SurfaceChange, change_with, mean_move_mm,
 };
 use crate::{
     Check, Grid, Progress,
@@ -53,7 +53,7 @@ pub struct ChangeReport {
     pub uncertainty_mm: UncertaintyReport,
     /// Histogram of signed lengths, growth positive; `None` without vectors.
     pub histogram: Option<Histogram>,
-    /// For comparison: distances from the same voxels to the nearest voxel of the other surface.
+    /// For comparison: distances from the same places to the nearest place of the other surface.
     pub nearest: NearestReport,
     /// The cavities and their walls.
     pub cavities: CavitiesReport,
@@ -83,7 +83,7 @@ impl ChangeReport {
     }
 }
 
-/// Distances to the nearest voxel of the other surface.
+/// Distances to the nearest place of the other surface.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct NearestReport {
     /// From voxels with outward vectors.
@@ -150,6 +150,45 @@ pub struct GroupReport {
     pub growth: Lengths,
     /// Lengths of inward vectors.
     pub recession: Lengths,
+    /// Their own displacement; `None` where none is sought: but for a component that advances on one side as it recedes on another.
+    pub displacement: Option<DisplacementReport>,
+}
+
+/// A component's own displacement between the dates: see [`Displacement`].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct DisplacementReport {
+    /// Its length.
+    pub length_mm: f64,
+    /// From the earlier to the later date, RAS+ millimetres.
+    pub by_mm: [f64; 3],
+    /// Shorter ones can't be told from none.
+    pub uncertainty_mm: f64,
+    /// Smaller differences of the volumes can't be told from none.
+    pub volume_uncertainty_ml: f64,
+    /// What is left after it: share of the later surface outside the earlier one by more than its uncertainty.
+    pub grew_share: f64,
+    /// Likewise of the earlier surface outside the later one.
+    pub shrank_share: f64,
+    /// Mean movement of the surface that is left, growth positive.
+    pub left_mm: f64,
+    /// What it explains.
+    pub explains: Explains,
+}
+
+impl DisplacementReport {
+    fn of(found: &Displacement) -> Self {
+        let Displacement { by_mm, uncertainty_mm, volume_uncertainty_ml, .. } = *found;
+        Self {
+            length_mm: by_mm.length(),
+            by_mm: by_mm.to_array(),
+            uncertainty_mm,
+            volume_uncertainty_ml,
+            grew_share: found.grew_share,
+            shrank_share: found.shrank_share,
+            left_mm: found.left_mm,
+            explains: found.explains,
+        }
+    }
 }
 
 /// One component.
@@ -190,18 +229,21 @@ pub fn report(change: &Change, grid: &Grid, mask: &str, from: &str, to: &str) ->
     let walls = |sign: f64| {
         Lengths::of(change.cavities.signed_mm.iter().map(|mm| mm * sign).filter(|mm| *mm > 0.0).collect())
     };
-    let components = change.groups.iter().zip(by_group).map(|(group, vectors)| {
-        let (growth, recession) = growth_and_recession(vectors.into_iter(), |v| v.signed_mm.abs());
-        GroupReport {
-            fate: group.fate,
-            small: group.is_small,
-            from: group.before.iter().map(PartReport::of).collect(),
-            to: group.after.iter().map(PartReport::of).collect(),
-            kept_ml: grid.volume_ml(group.kept_voxels),
-            growth,
-            recession,
-        }
-    });
+    let displacements = change.displacements.iter().chain(std::iter::repeat(&None));
+    let components =
+        change.groups.iter().zip(by_group).zip(displacements).map(|((group, vectors), moved)| {
+            let (growth, recession) = growth_and_recession(vectors.into_iter(), |v| v.signed_mm.abs());
+            GroupReport {
+                fate: group.fate,
+                small: group.is_small,
+                from: group.before.iter().map(PartReport::of).collect(),
+                to: group.after.iter().map(PartReport::of).collect(),
+                kept_ml: grid.volume_ml(group.kept_voxels),
+                growth,
+                recession,
+                displacement: moved.as_ref().map(DisplacementReport::of),
+            }
+        });
     let in_place = |voxels: u64| (!has_volumes_only(&change.flags)).then(|| grid.volume_ml(voxels));
     ChangeReport {
         mask: mask.to_owned(),

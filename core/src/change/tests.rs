@@ -1,7 +1,7 @@
 use super::*;
 use glam::{DAffine3, DMat3};
 
-use crate::{Mask, Sides, grid::ijk, phantom, resample, surface::without_cavities};
+use crate::{Mask, Sides, distance::KdTree, grid::ijk, phantom, resample, surface::without_cavities};
 
 /// Masks of two shapes given by their inside tests, on a grid around the origin.
 fn masks(
@@ -33,14 +33,24 @@ fn of(case: &(MaskBits, MaskBits, Grid)) -> Change {
 fn assert_consistent(c: &Change, (before, after, grid): &(MaskBits, MaskBits, Grid)) {
     let filled = [before, after].map(|mask| without_cavities(mask).unwrap());
     let surfaces = filled.each_ref().map(crate::surface::surface_of);
+    let trees = surfaces.each_ref().map(|surface| {
+        let mut points = Vec::new();
+        surface.for_each(|l| points.push(grid.center_of_voxel_mm(ijk(grid.dims(), l))));
+        KdTree::new(&points).unwrap()
+    });
+    let mm = grid.world_from_voxel().matrix3;
+    let edges_mm = [mm.x_axis, mm.y_axis, mm.z_axis].map(DVec3::length);
+    let reach_mm = edges_mm.into_iter().fold(0.0, f64::max) + 0.5 * edges_mm.iter().sum::<f64>();
     for v in &c.vectors {
         let [here, other] = if v.signed_mm > 0.0 { [after, before] } else { [before, after] };
         assert!(here.get(v.voxel) && !other.get(v.voxel));
         let length = v.from_mm.distance(v.to_mm);
         assert!((length - v.signed_mm.abs()).abs() <= 1e-9 * (1.0 + v.from_mm.length()), "{v:?}");
         assert!(v.nearest_mm <= v.signed_mm.abs() + 1e-9, "{v:?}");
-        for (place, surface) in [(v.from_mm, &surfaces[0]), (v.to_mm, &surfaces[1])] {
-            assert!(grid.voxel_at(place).is_some_and(|p| surface.get(p)), "{v:?}");
+        // Each end lies on the surface of its date: a step to a neighbour from a voxel of it, and half a voxel along it.
+        for (place, tree) in [(v.from_mm, &trees[0]), (v.to_mm, &trees[1])] {
+            let (_, off_mm) = tree.as_ref().unwrap().nearest(place).unwrap();
+            assert!(off_mm <= reach_mm, "{off_mm} {reach_mm} {v:?}");
         }
     }
     let outer = |mine: usize, other: &MaskBits| {
@@ -73,6 +83,68 @@ fn concentric_balls_change_by_the_difference_of_their_radii() {
             assert!(c.vectors.iter().all(|v| (v.signed_mm > 0.0) == (r1 > r0)));
         }
     }
+}
+
+/// Mean movement of the whole surface against the truth, over places of the shape on the voxels: also far below a voxel.
+#[test]
+fn small_movements_are_measured_as_they_are() {
+    let thick = DVec3::new(1.0, 1.0, 3.0);
+    for (spacing, moves_mm, off) in [
+        (DVec3::ONE, [-2.0, -1.0, -0.5, 0.25, 0.5, 1.0, 2.0].as_slice(), 0.06),
+        (thick, [-4.0, -2.0, -1.0, 1.0, 2.0, 4.0].as_slice(), 0.15),
+    ] {
+        for &by_mm in moves_mm {
+            let (mut sum, mut count) = (0.0, 0.0);
+            for at in [[0.0, 0.0, 0.0], [0.3, 0.6, 0.2], [0.8, 0.1, 0.5], [0.5, 0.4, 0.9]] {
+                let center = DVec3::from_array(at) * spacing;
+                let case = masks(18.0, spacing, ball(center, 11.0), ball(center, 11.0 + by_mm));
+                let options = ChangeOptions { by_skeleton: false, ..ChangeOptions::default() };
+                let c = change(&case.0, &case.1, &case.2, &options, &Progress::new()).unwrap();
+                for length in [mean_move_mm(&c, |v| v.signed_mm.abs()), mean_move_mm(&c, |v| v.nearest_mm)] {
+                    sum += length.unwrap() / by_mm;
+                    count += 1.0;
+                }
+            }
+            let share = sum / count;
+            println!("{by_mm} mm at {spacing}: {share:.3}");
+            assert!((share - 1.0).abs() < off, "{by_mm} mm at {spacing}: {share}");
+        }
+    }
+}
+
+/// Of faces across (1, 1, 1) the voxels lie in layers 0.58 apart, but the nearest centre of the next layer is a whole voxel away.
+#[test]
+fn small_movements_of_slanted_faces_are_measured_as_they_are() {
+    let octahedron = |size: f64| move |p: DVec3| p.abs().dot(DVec3::ONE) <= size * 3_f64.sqrt();
+    for by_mm in [0.2, 0.5, 1.0] {
+        let shares = [10.0, 10.1, 10.23, 10.37].map(|size| {
+            let case = masks(21.0, DVec3::ONE, octahedron(size), octahedron(size + by_mm));
+            mean_move_mm(&of(&case), |v| v.signed_mm.abs()).unwrap() / by_mm
+        });
+        let share = shares.iter().sum::<f64>() / 4.0;
+        println!("{by_mm} mm: {share:.3} {shares:?}");
+        assert!((share - 1.0).abs() < 0.08, "{by_mm}: {share}");
+    }
+}
+
+/// A surface that moves by whole voxels, and one voxel that grows: exact.
+#[test]
+fn boxes_and_a_single_voxel_are_exact() {
+    let up_to = |x: f64| move |p: DVec3| p.y.abs().max(p.z.abs()) <= 8.0 && (-8.0..=x).contains(&p.x);
+    let (a, b, grid) = masks(14.0, DVec3::ONE, up_to(8.0), up_to(10.0));
+    let options = ChangeOptions { by_skeleton: false, ..ChangeOptions::default() };
+    let c = change(&a, &b, &grid, &options, &Progress::new()).unwrap();
+    let flat = c.vectors.iter().filter(|v| v.to_mm.y.abs().max(v.to_mm.z.abs()) < 5.0 && v.to_mm.x > 9.0);
+    let lengths: Vec<f64> = flat.map(|v| v.signed_mm).collect();
+    assert!(lengths.len() > 50 && lengths.iter().all(|mm| (mm - 2.0).abs() < 1e-9), "{lengths:?}");
+    let (a, b, grid) =
+        masks(6.0, DVec3::ONE, ball(DVec3::new(0.17, -0.31, 0.23), 0.4), ball(DVec3::ZERO, 4.2));
+    assert_eq!(a.count(), 1);
+    let c = change(&a, &b, &grid, &ChangeOptions::default(), &Progress::new()).unwrap();
+    // From the voxel to the ball of the same volume: half the voxel's mean width, 3/4 of an edge, less than its radius.
+    let radius = (b.count() as f64 * 0.75 / std::f64::consts::PI).cbrt();
+    let mean = c.vectors.iter().map(|v| v.signed_mm).sum::<f64>() / c.vectors.len() as f64;
+    assert!((mean - (radius - 0.75)).abs() < 0.15, "{mean} {radius}");
 }
 
 /// Distance from `p` to the nearest point of the ellipsoid with semi-axes `a` about the origin (bisection on the

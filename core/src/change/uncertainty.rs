@@ -62,6 +62,11 @@ impl Sampling {
         sampling
     }
 
+    /// Edges of a voxel of the mask's own grid, as columns.
+    pub(super) fn native_mm(&self) -> DMat3 {
+        self.native_mm
+    }
+
     /// Covariance of the position of the mask's surface: it lies anywhere within a voxel of its own grid.
     fn covariance_mm2(&self) -> DMat3 {
         self.native_mm * self.native_mm.transpose() * (1.0 / 12.0) + self.rounding_mm2
@@ -86,7 +91,7 @@ fn displacement(count: usize, step: f64, first: f64) -> (f64, f64) {
 }
 
 /// `v vᵀ`.
-fn outer(v: DVec3) -> DMat3 {
+pub(super) fn outer(v: DVec3) -> DMat3 {
     DMat3::from_cols(v * v.x, v * v.y, v * v.z)
 }
 
@@ -137,6 +142,11 @@ impl Uncertainty {
     pub fn along(&self, normal_mm: DVec3) -> f64 {
         let n = normal_mm.normalize_or_zero();
         COVERAGE * n.dot(self.covariance_mm2 * n).max(0.0).sqrt()
+    }
+
+    /// C: the covariance of the two surfaces' positions together.
+    pub(super) fn covariance_mm2(&self) -> &DMat3 {
+        &self.covariance_mm2
     }
 
     /// A displacement in standard deviations.

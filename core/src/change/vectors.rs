@@ -1,4 +1,5 @@
-//! Thesis 7.3.4: vectors from each outer surface voxel to its partner on the other surface, through the skeleton.
+//! Thesis 7.3.4: vectors from each outer surface voxel to its partner on the other surface, through the skeleton. They end on the
+//! surfaces finer than a voxel of [`super::place`].
 
 use std::collections::BTreeMap;
 
@@ -6,8 +7,11 @@ use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use super::{
-    COVERAGE, ChangeError, ChangeFlags, SurfaceChange, Uncertainty, Unpartnered, cavities::Enclosing,
-    groups::Groups, point_cloud::PointCloud,
+    COVERAGE, ChangeError, ChangeFlags, SurfaceChange, Uncertainty, Unpartnered,
+    cavities::Enclosing,
+    groups::Groups,
+    place::{Edges, Patch, Places},
+    point_cloud::PointCloud,
 };
 use crate::{Cancelled, Grid, Progress, grid::ijk, skeleton::Skeleton};
 
@@ -19,8 +23,10 @@ const BATCH: usize = 1024;
 pub(super) struct SurfaceVoxel {
     pub linear: usize,
     pub group: u32,
-    /// Offset from the crop's first voxel.
+    /// Offset of its centre from that of the crop's first voxel.
     offset_mm: DVec3,
+    /// Where the surface passes it.
+    pub patch: Patch,
 }
 
 /// The two surfaces and their outer parts, in memory order.
@@ -32,22 +38,22 @@ pub(super) struct Surfaces {
 }
 
 impl Surfaces {
-    /// From the outer surface of each mask; `shifts_mm` is added to the places of each mask's voxels.
+    /// From the outer surface of each mask, where `places` has it.
     pub fn new(
         masks: [&Enclosing<'_>; 2],
         surfaces: [&[usize]; 2],
         groups: &Groups,
-        mm: DMat3,
-        shifts_mm: [DVec3; 2],
+        places: &Places<'_>,
     ) -> Self {
         let dims = masks[0].mask.dims();
         let voxels = |date: usize| {
-            let place_mm = |linear: usize| mm * DVec3::from_array(ijk(dims, linear).map(|v| v as f64));
-            let voxel = |linear: usize| {
-                let group = groups.at(linear)?;
-                Some(SurfaceVoxel { linear, group, offset_mm: place_mm(linear) + shifts_mm[date] })
+            let voxel = |(linear, patch): (&usize, Patch)| {
+                let (linear, group) = (*linear, groups.at(*linear)?);
+                let offset_mm = places.center_mm(date, ijk(dims, linear));
+                Some(SurfaceVoxel { linear, group, offset_mm, patch })
             };
-            surfaces[date].iter().filter_map(|linear| voxel(*linear)).collect::<Vec<_>>()
+            let patches = places.patches(date, surfaces[date]);
+            surfaces[date].iter().zip(patches).filter_map(voxel).collect::<Vec<_>>()
         };
         let all = [0, 1].map(voxels);
         let outer = |date: usize| {
@@ -59,6 +65,20 @@ impl Surfaces {
             all[date].iter().filter(is_outside).copied().collect()
         };
         Self { outer: [outer(0), outer(1)], all }
+    }
+
+    /// Sum over the voxels that lie on both outer surfaces of how far the surface moved within them, outwards positive.
+    pub fn moved_within_voxels_mm(&self) -> f64 {
+        let mut later = self.all[1].iter().peekable();
+        let mut sum_mm = 0.0;
+        for before in &self.all[0] {
+            while later.next_if(|after| after.linear < before.linear).is_some() {}
+            if let Some(after) = later.peek().filter(|after| after.linear == before.linear) {
+                let normal = (before.patch.normal + after.patch.normal).normalize_or_zero();
+                sum_mm += normal.dot(after.patch.middle_mm - before.patch.middle_mm);
+            }
+        }
+        sum_mm
     }
 }
 
@@ -139,22 +159,24 @@ pub(super) fn match_surfaces(
     crop_frame: &CropFrame<'_>,
     progress: &Progress,
 ) -> Result<Matches, ChangeError> {
+    let edges = Edges::new(crop_frame.grid.world_from_voxel().matrix3);
+    let as_near_mm = edges.longest_diagonal_mm();
     // Skeleton points by group; for each surface, its voxels by nearest skeleton point.
     let points =
         clouds(skeleton.iter().zip(0..).map(|(&(group, offset_mm), i)| (group, offset_mm, i)).collect())?;
     let nearest_skeleton_point =
-        |s: &SurfaceVoxel| points.get(&s.group).and_then(|cloud| cloud.nearest(s.offset_mm)).map(|(i, _)| i);
+        |s: &SurfaceVoxel| points.get(&s.group).and_then(|cloud| cloud.nearest(s.offset_mm));
     let sets = |voxels: &[SurfaceVoxel]| {
         let items: Vec<(u32, DVec3, u32)> = (voxels.par_iter().zip(0..voxels.len() as u32))
-            .filter_map(|(s, i)| Some((nearest_skeleton_point(s)?, s.offset_mm, i)))
+            .filter_map(|(s, i)| Some((nearest_skeleton_point(s)?.0, s.patch.middle_mm, i)))
             .collect();
         clouds(items)
     };
     let groups = |voxels: &[SurfaceVoxel]| {
-        clouds(voxels.iter().zip(0..).map(|(s, i)| (s.group, s.offset_mm, i)).collect())
+        clouds(voxels.iter().zip(0..).map(|(s, i)| (s.group, s.patch.middle_mm, i)).collect())
     };
     let whole_surface = |voxels: &[SurfaceVoxel], place: &dyn Fn(DVec3) -> DVec3| {
-        let places = voxels.iter().map(|s| place(s.offset_mm)).collect();
+        let places = voxels.iter().map(|s| place(s.patch.middle_mm)).collect();
         PointCloud::new(places, (0..voxels.len() as u32).collect())
     };
     let deviations = |mm: DVec3| uncertainty.deviations(mm);
@@ -172,13 +194,28 @@ pub(super) fn match_surfaces(
             Some(_) => None,
             None => Some(whole_surface(others, &deviations)?),
         };
+        let patch = |i: u32| &others[i as usize].patch;
         let distance = |s: &SurfaceVoxel| {
-            let nearest_mm = surface_cloud.nearest(s.offset_mm)?.1;
+            let here_mm = s.patch.middle_mm;
+            let nearest = patch(surface_cloud.nearest(here_mm)?.0);
+            let nearest_mm = nearest.foot(here_mm, &edges, None).distance(here_mm);
             let nearest_deviations = match (&deviation_cloud, uncertainty.isotropic_mm) {
-                (Some(cloud), _) => cloud.nearest(deviations(s.offset_mm))?.1,
+                (Some(cloud), _) => {
+                    let nearest = patch(cloud.nearest(deviations(here_mm))?.0);
+                    let foot_mm = nearest.foot(here_mm, &edges, Some(uncertainty.covariance_mm2()));
+                    deviations(foot_mm - here_mm).length()
+                }
                 (None, one_mm) => nearest_mm / one_mm?,
             };
             Some([nearest_mm, nearest_deviations])
+        };
+        // The nearest voxel whose skeleton point is as near to this one as its own is, to within a voxel: which of them is
+        // nearest can't be told on a ragged surface.
+        let in_sets = |s: &SurfaceVoxel| {
+            let (_, own_mm) = nearest_skeleton_point(s)?;
+            let near = points.get(&s.group)?.within(s.offset_mm, own_mm + as_near_mm);
+            let candidates = near.filter_map(|point| sets.get(&point)?.nearest(s.patch.middle_mm));
+            candidates.min_by(|(i, a), (j, b)| a.total_cmp(b).then(i.cmp(j)))
         };
         progress.expect(outer.len() as u64);
         let parts: Result<Vec<Vec<Match>>, Cancelled> = outer
@@ -186,15 +223,12 @@ pub(super) fn match_surfaces(
             .map(|batch| {
                 progress.advance(batch.len() as u64)?;
                 let choose = |surface_voxel: &SurfaceVoxel| {
-                    let in_set = nearest_skeleton_point(surface_voxel)
-                        .and_then(|s| sets.get(&s))
-                        .and_then(|set| set.nearest(surface_voxel.offset_mm));
                     let near = || {
                         by_group
                             .get(&surface_voxel.group)
-                            .and_then(|cloud| cloud.nearest(surface_voxel.offset_mm))
+                            .and_then(|cloud| cloud.nearest(surface_voxel.patch.middle_mm))
                     };
-                    let (partner, no_set) = match in_set {
+                    let (partner, no_set) = match in_sets(surface_voxel) {
                         Some((i, _)) => (Some(i), false),
                         None => (near().map(|(i, _)| i), true),
                     };
@@ -206,20 +240,20 @@ pub(super) fn match_surfaces(
         for (surface_voxel, partner, no_set, nearest) in parts?.into_iter().flatten() {
             let voxel = crop_frame.voxel(surface_voxel.linear);
             let is_growth = side == 1;
+            let centre_mm = crop_frame.world(voxel) + shifts_mm[side];
             let (Some(partner), Some([nearest_mm, nearest_deviations])) = (partner, nearest) else {
-                let position_mm = crop_frame.world(voxel) + shifts_mm[side];
                 found.unpartnered.push(Unpartnered {
                     voxel,
-                    position_mm,
+                    position_mm: centre_mm,
                     appeared: is_growth,
                     nearest_mm: nearest.map(|[mm, _]| mm),
                     group: surface_voxel.group,
                 });
                 continue;
             };
-            let here_mm = crop_frame.world(voxel) + shifts_mm[side];
-            let partner_mm = crop_frame.world(crop_frame.voxel(partner.linear)) + shifts_mm[1 - side];
-            let vector_mm = surface_voxel.offset_mm - partner.offset_mm;
+            let end_mm = surface_voxel.patch.middle_mm;
+            let foot_mm = partner.patch.foot(end_mm, &edges, None);
+            let vector_mm = end_mm - foot_mm;
             let length_mm = vector_mm.length();
             if length_mm == 0.0 {
                 // Shifted to the masks' own grids, the surfaces coincide here.
@@ -230,13 +264,16 @@ pub(super) fn match_surfaces(
             } else {
                 uncertainty.along(vector_mm).max(length_mm)
             };
+            // Differences in the crop: a grid far away costs no precision.
+            let here_mm = centre_mm + (end_mm - surface_voxel.offset_mm);
+            let partner_mm = here_mm - vector_mm;
             let (from_mm, to_mm) = if is_growth { (partner_mm, here_mm) } else { (here_mm, partner_mm) };
             found.vectors.push(SurfaceChange {
                 voxel,
                 from_mm,
                 to_mm,
                 signed_mm: if is_growth { length_mm } else { -length_mm },
-                nearest_mm,
+                nearest_mm: nearest_mm.min(length_mm),
                 uncertainty_mm,
                 group: surface_voxel.group,
                 flags: ChangeFlags { no_set, within_uncertainty: nearest_deviations < COVERAGE },

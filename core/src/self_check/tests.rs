@@ -247,32 +247,6 @@ fn what_cannot_be_checked_is_refused() {
     assert_eq!(cancelled, Err(SelfCheckError::Cancelled(Cancelled)));
 }
 
-/// Why short lengths are too long. Of a face across (1, 1, 0) the voxels lie in layers 1/√2 voxel apart, but the nearest centre of the
-/// next layer is a whole voxel away: moved by δ below that, a share of √2 δ of the places has a length of 1.
-#[test]
-fn short_moves_of_a_slanted_face_are_measured_as_the_lattice_says() {
-    use crate::change::{change, mean_move_mm};
-    let grid = Grid::axis_aligned([24, 24, 24], DVec3::ONE, DVec3::ZERO).unwrap();
-    // Only the slanted face moves; the others end at the grid's border, far from what is compared.
-    let of = |offset: f64| mask_of(&grid, |p| (p.x + p.y) / 2_f64.sqrt() < offset && p.x > 0.5 && p.y > 0.5);
-    let options = ChangeOptions { by_skeleton: false, ..ChangeOptions::default() };
-    let move_mm = 0.2;
-    let (mut sum_mm, mut count) = (0.0, 0.0);
-    for step in 0..50 {
-        let at = 14.0 + 0.03 * f64::from(step);
-        let (before, after) = (of(at), of(at + move_mm));
-        let found = change(before.bits(), after.bits(), &grid, &options, &Progress::new()).unwrap();
-        let slanted = found.vectors.iter().filter(|v| v.signed_mm > 0.0);
-        let lengths: Vec<f64> = slanted.map(|v| v.nearest_mm).collect();
-        assert!(lengths.iter().all(|mm| (mm - 1.0).abs() < 1e-9), "a whole voxel: {lengths:?}");
-        assert!(mean_move_mm(&found, |v| v.nearest_mm).is_some());
-        sum_mm += if lengths.is_empty() { 0.0 } else { 1.0 };
-        count += 1.0;
-    }
-    let expected = 2_f64.sqrt() * move_mm;
-    assert!((sum_mm / count - expected).abs() < 0.04, "{} {expected}", sum_mm / count);
-}
-
 #[test]
 fn large_lesions_have_fewer_runs_and_it_is_said() {
     let mut notes = Vec::new();

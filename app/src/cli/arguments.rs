@@ -216,12 +216,12 @@ pub struct LightArguments {
     /// Half the opening angle of the cone that light comes from, about the eye or (spherical harmonics) the lamp, in degrees: 0 to 85.
     #[arg(long, value_name = "DEG", value_parser = parse::within(0.0..=85.0), allow_hyphen_values = true)]
     pub aperture: Option<f64>,
-    /// Half-angle, shadow volume, spherical harmonics, path-traced: where the lamp stands, in degrees: AZIMUTH,ELEVATION. To the
-    /// viewer's right and upwards; 0,0 is at the eye.
+    /// Half-angle, shadow volume, spherical harmonics, path-traced; slices and cones, whose light then comes from there instead of
+    /// from the eye: where the lamp stands, in degrees: AZIMUTH,ELEVATION. To the viewer's right and upwards; 0,0 is at the eye.
+    /// Slices: in front of the scene.
     #[arg(long, value_name = "AZ,EL", value_parser = parse::lamp, allow_hyphen_values = true)]
     pub lamp: Option<[f64; 2]>,
-    /// Half-angle, shadow volume, spherical harmonics, path-traced: what the lamp stands still to. For the patient its angles are
-    /// those of `--camera`.
+    /// Modes with a lamp: what it stands still to. For the patient its angles are those of `--camera`.
     #[arg(long, value_name = "FRAME", value_parser = keyword::<LampFrame>())]
     pub lamp_frame: Option<LampFrame>,
     /// Path-traced: share of the lamp in the light, 0 to 1; the rest is a white sky.

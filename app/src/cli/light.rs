@@ -20,6 +20,8 @@ pub(super) fn light(arguments: &LightArguments, base: &LightChoice) -> LightChoi
                 arguments.lamp.unwrap_or([base.lamp.azimuth_deg, base.lamp.elevation_deg]);
             Lamp { frame: arguments.lamp_frame.unwrap_or(base.lamp.frame), azimuth_deg, elevation_deg }
         },
+        // Giving the lamp asks for its light.
+        towards_lamp: base.towards_lamp || arguments.lamp.is_some() || arguments.lamp_frame.is_some(),
         own: base.own.filter(|_| is_open),
         shading: Shading {
             occlusion_radius_mm: arguments.occlusion_mm.or(base.shading.occlusion_radius_mm),
@@ -107,5 +109,24 @@ mod tests {
         let paths = light(&arguments, &base).at_rest().lighting.paths;
         let preset = light::preset(LightingMode::PathTraced, Preset::Reference).lighting.paths;
         assert_eq!(paths, PathSettings { bounces: 1, lamp_share: 0.0, ..preset });
+        // The cone of light points to the lamp where one is given, in the modes where it may.
+        for (mode, towards) in [
+            (LightingMode::Slices, true),
+            (LightingMode::Cones, true),
+            (LightingMode::Traced, false),
+            (LightingMode::HalfAngle, false),
+        ] {
+            let arguments =
+                LightArguments { light: Some(mode), lamp: Some([30.0, 40.0]), ..LightArguments::default() };
+            let lit = light(&arguments, &base);
+            assert_eq!(
+                (lit.at_rest().lighting.towards_lamp, lit.has_lamp()),
+                (towards, mode != LightingMode::Traced)
+            );
+            let none = light(&LightArguments { lamp: None, ..arguments }, &base);
+            assert!(
+                !none.at_rest().lighting.towards_lamp && none.has_lamp() == (mode == LightingMode::HalfAngle)
+            );
+        }
     }
 }

@@ -17,6 +17,12 @@ pub(super) fn without_effect(arguments: &RenderArguments) -> Vec<&'static str> {
     let views_3d: &[PaneId] = &[Closeup, Context, Ellipsoids, Change];
     // Slices of light are left out where no image is drawn.
     let with_image: &[PaneId] = &[Context, Change];
+    // Slices take a lamp's light through the image, cones to masks, too; geometry known by its depths alone keeps the eye's.
+    let with_lamp: &[PaneId] = match light.light {
+        Some(LightingMode::Slices) => with_image,
+        Some(LightingMode::Cones) => &[Closeup, Context, Change],
+        _ => views_3d,
+    };
     let slices: &[PaneId] = &[Axial, Coronal, Sagittal];
     let compared: &[PaneId] =
         if a.changed_rim { &[Change, Dates, Axial, Coronal, Sagittal] } else { &[Change, Dates] };
@@ -27,8 +33,8 @@ pub(super) fn without_effect(arguments: &RenderArguments) -> Vec<&'static str> {
         ("--light", light.light.is_some(), views_3d),
         ("--quality", light.quality.is_some(), views_3d),
         ("--aperture", light.aperture.is_some(), views_3d),
-        ("--lamp", light.lamp.is_some(), views_3d),
-        ("--lamp-frame", light.lamp_frame.is_some(), views_3d),
+        ("--lamp", light.lamp.is_some(), with_lamp),
+        ("--lamp-frame", light.lamp_frame.is_some(), with_lamp),
         ("--lamp-share", light.lamp_share.is_some(), views_3d),
         ("--lamp-radius", light.lamp_radius.is_some(), views_3d),
         ("--paths", light.paths.is_some(), views_3d),
@@ -84,8 +90,8 @@ pub(super) fn without_effect_on_light(arguments: &LightArguments, choice: &Light
     let has_paths = choice.mode == LightingMode::PathTraced;
     let table = [
         ("--aperture", a.aperture.is_some(), row.has_aperture),
-        ("--lamp", a.lamp.is_some(), row.has_lamp),
-        ("--lamp-frame", a.lamp_frame.is_some(), row.has_lamp),
+        ("--lamp", a.lamp.is_some(), row.has_lamp || row.turns_to_lamp()),
+        ("--lamp-frame", a.lamp_frame.is_some(), row.has_lamp || row.turns_to_lamp()),
         ("--lamp-share", a.lamp_share.is_some(), has_paths),
         ("--lamp-radius", a.lamp_radius.is_some(), has_paths),
         ("--paths", a.paths.is_some(), has_paths),
@@ -127,6 +133,11 @@ mod tests {
         assert_eq!(unused("ellipsoids", &options), ["--overlay"]);
         assert_eq!(unused("closeup", &["--light", "slices", "--footprint", "3"]), ["--footprint"]);
         assert_eq!(unused("window", &options), [""; 0]);
+        let lamp = |mode| ["--light", mode, "--lamp", "30,10"];
+        assert_eq!(unused("closeup", &lamp("slices")), ["--lamp"]);
+        assert_eq!(unused("ellipsoids", &lamp("cones")), ["--lamp"]);
+        assert_eq!(unused("closeup", &lamp("cones")), [""; 0]);
+        assert_eq!(unused("ellipsoids", &lamp("half-angle")), [""; 0]);
         let dates = ["--from", "a", "--to", "b"];
         assert_eq!(unused("axial", &dates), ["--from", "--to"]);
         assert_eq!(unused("dates", &dates), [""; 0]);
@@ -155,7 +166,9 @@ mod tests {
             ..LightArguments::default()
         };
         assert_eq!(unused(LightingMode::HalfAngle, &lamp), ["--aperture", "--occlusion-mm"]);
-        assert_eq!(unused(LightingMode::Slices, &lamp), ["--lamp", "--occlusion-mm"]);
+        assert_eq!(unused(LightingMode::Traced, &lamp), ["--aperture", "--lamp", "--slice-mm"]);
+        assert_eq!(unused(LightingMode::Cones, &lamp), ["--occlusion-mm", "--smooth", "--slice-mm"]);
+        assert_eq!(unused(LightingMode::Slices, &lamp), ["--occlusion-mm"]);
         let cells = LightArguments {
             cell_mm: Some(3.0),
             sky_order: Some(2),

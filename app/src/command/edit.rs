@@ -85,6 +85,8 @@ pub enum EditCommand {
     SetPreset(Option<Preset>),
     SetAperture(f64),
     SetLamp(Lamp),
+    /// Whether the cone of light points to the lamp instead of to the eye.
+    SetTowardsLamp(bool),
     SetShading(Shading),
     // Measuring.
     AddRuler(Box<Ruler>),
@@ -224,6 +226,7 @@ impl EditCommand {
             | EditKind::SetResponse
             | EditKind::SetAperture
             | EditKind::SetLamp
+            | EditKind::SetTowardsLamp
             | EditKind::SetShading
             | EditKind::AddRuler
             | EditKind::RenameRuler
@@ -304,6 +307,8 @@ impl EditCommand {
                 .detail("The same whether something moves or not"),
             Self::SetAperture(_) => Label::new("Aperture of the light"),
             Self::SetLamp(_) => Label::new("Place of the lamp"),
+            Self::SetTowardsLamp(true) => Label::new("Light from the lamp"),
+            Self::SetTowardsLamp(false) => Label::new("Light from the eye"),
             Self::SetShading(shading) if *shading == Shading::default() => {
                 Label::new("Shading as the lighting mode has it")
             }
@@ -485,6 +490,7 @@ impl EditCommand {
             Self::SetPreset(preset) => edit.light.preset = *preset,
             Self::SetAperture(degrees) => edit.light.aperture_deg = *degrees,
             Self::SetLamp(lamp) => edit.light.lamp = *lamp,
+            Self::SetTowardsLamp(on) => edit.light.towards_lamp = *on,
             Self::SetShading(shading) => edit.light.shading = *shading,
             Self::AddRuler(ruler) => {
                 if ruler.length_mm().is_finite() && edit.rulers.len() < MOST_RULERS {

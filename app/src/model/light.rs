@@ -12,9 +12,12 @@ pub struct LightChoice {
     pub preset: Option<Preset>,
     /// Half the opening angle of the cone that light arrives through, degrees.
     pub aperture_deg: f64,
-    /// Where the lamp stands in the mode that has one.
+    /// Where the lamp stands in the modes that have one.
     #[serde(default)]
     pub lamp: Lamp,
+    /// Whether the cone of light points to the lamp instead of to the eye, in the modes where it may.
+    #[serde(default)]
+    pub towards_lamp: bool,
     /// Custom settings instead of the preset's.
     #[serde(default)]
     pub own: Option<LightSettings>,
@@ -70,6 +73,7 @@ impl Default for LightChoice {
             preset: None,
             aperture_deg,
             lamp: Lamp::DEFAULT,
+            towards_lamp: false,
             own: None,
             shading,
         }
@@ -82,9 +86,16 @@ impl LightChoice {
     pub fn at(&self, quality: Quality) -> Quality {
         let lighting =
             self.own.unwrap_or(LightSettings { aperture_deg: self.aperture_deg, ..quality.lighting });
-        let lighting = LightSettings { lamp: self.lamp, ..lighting };
+        let towards_lamp = self.towards_lamp && light::row(self.mode).turns_to_lamp();
+        let lighting = LightSettings { lamp: self.lamp, towards_lamp, ..lighting };
         let cost = quality.cost.filter(|_| self.own.is_none());
         self.shading.at(Quality { lighting, cost, ..quality })
+    }
+
+    /// Whether where the lamp stands has an effect.
+    pub fn has_lamp(&self) -> bool {
+        let row = light::row(self.mode);
+        row.has_lamp || (self.towards_lamp && row.turns_to_lamp())
     }
 
     /// Whether the mode has ambient occlusion within [`Shading::occlusion_radius_mm`].

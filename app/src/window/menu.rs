@@ -217,7 +217,18 @@ impl Bar<'_> {
         if response.on_hover_text("Wide: soft, subtle shadows. Narrow: hard ones").changed() {
             out.push(EditCommand::SetAperture(degrees));
         }
-        if let Some(lamp) = lamp(ui, row.has_lamp, choice.lamp) {
+        let mut towards = choice.towards_lamp;
+        let from_lamp = egui::Checkbox::new(&mut towards, "Light from the lamp");
+        let response = ui.add_enabled(row.turns_to_lamp(), from_lamp);
+        if response
+            .on_hover_text(
+                "Soft shadows of a wide light beside or behind the scene; otherwise it is at the eye",
+            )
+            .changed()
+        {
+            out.push(EditCommand::SetTowardsLamp(towards));
+        }
+        if let Some(lamp) = lamp(ui, choice.has_lamp(), choice.lamp) {
             out.push(EditCommand::SetLamp(lamp));
         }
         if let Some(shading) = shading(ui, choice) {

@@ -18,24 +18,67 @@ pub fn tangent_variance(aperture_deg: f64) -> f64 {
     0.5 * (1.0 / aperture_deg.to_radians().cos() - 1.0)
 }
 
+/// Directions that a cone of this half opening angle, uniform in solid angle, takes in cosine and azimuth about its axis, as
+/// cosines to a direction `tilt_deg` from the axis and slopes from that direction: along the tilt, across.
+fn tilted(aperture_deg: f64, tilt_deg: f64) -> Vec<(f64, [f64; 2])> {
+    let min_cos = aperture_deg.to_radians().cos();
+    let (sin_tilt, cos_tilt) = tilt_deg.to_radians().sin_cos();
+    let (n, turns) = (64, 128);
+    let directions = (0..n).flat_map(|i| (0..turns).map(move |j| (i, j)));
+    directions
+        .map(|(i, j)| {
+            let cos = min_cos + (1.0 - min_cos) * (f64::from(i) + 0.5) / f64::from(n);
+            let sin = ((1.0 - cos) * (1.0 + cos)).max(0.0).sqrt();
+            let (s, c) = (std::f64::consts::TAU * (f64::from(j) + 0.5) / f64::from(turns)).sin_cos();
+            let along_axis = cos_tilt * cos - sin_tilt * sin * c;
+            (along_axis, [(sin_tilt * cos + cos_tilt * sin * c) / along_axis, sin * s / along_axis])
+        })
+        .collect()
+}
+
+/// Means over a cone whose axis is `tilt_deg` from the normal of planes, directions uniform in solid angle, of what light
+/// moves sideways from plane to plane, per distance of the planes: its mean along the tilt, and its variances along and
+/// across. Aperture and tilt together are below 90 degrees.
+pub fn tilted_moments(aperture_deg: f64, tilt_deg: f64) -> (f64, [f64; 2]) {
+    let all = tilted(aperture_deg, tilt_deg);
+    let n = all.len() as f64;
+    let mean = all.iter().map(|(_, slope)| slope[0]).sum::<f64>() / n;
+    let variance =
+        |a: usize, mean: f64| all.iter().map(|(_, slope)| (slope[a] - mean).powi(2)).sum::<f64>() / n;
+    (mean, [variance(0, mean), variance(1, 0.0)])
+}
+
+/// Cosines of equal shares of the cone's directions to a direction `tilt_deg` from its axis.
+fn cosines(aperture_deg: f64, tilt_deg: f64) -> Vec<f64> {
+    let n = 128;
+    if tilt_deg <= 0.0 {
+        let min_cos = aperture_deg.to_radians().cos();
+        return (0..n).map(|i| min_cos + (1.0 - min_cos) * (f64::from(i) + 0.5) / f64::from(n)).collect();
+    }
+    let mut all: Vec<f64> =
+        tilted(aperture_deg, tilt_deg).into_iter().map(|(cos, _)| cos.max(1e-3)).collect();
+    all.sort_unstable_by(f64::total_cmp);
+    let share = all.len() / n as usize;
+    // Of the lengths of paths, which light decays with.
+    all.chunks(share).map(|c| c.len() as f64 / c.iter().map(|cos| 1.0 / cos).sum::<f64>()).collect()
+}
+
 /// Fraction of light from the cone, uniform in solid angle, that crosses a slab of this optical
 /// thickness: the mean of e^{−τ/cos φ}.
 pub fn slab_visibility(aperture_deg: f64, thickness: f64) -> f64 {
-    means(aperture_deg, thickness).0
+    means(&cosines(aperture_deg, 0.0), thickness).0
 }
 
-/// Means of e^{−τ/c} and of e^{−τ/c}/c over the cone.
-fn means(aperture_deg: f64, thickness: f64) -> (f64, f64) {
-    let min_cos = aperture_deg.to_radians().cos();
-    let n = 128;
+/// Means of e^{−τ/c} and of e^{−τ/c}/c over directions of these cosines.
+fn means(cosines: &[f64], thickness: f64) -> (f64, f64) {
     let mut sums = (0.0, 0.0);
-    for i in 0..n {
-        let c = min_cos + (1.0 - min_cos) * (f64::from(i) + 0.5) / f64::from(n);
+    for c in cosines {
         let transmittance = (-thickness / c).exp();
         sums.0 += transmittance;
         sums.1 += transmittance / c;
     }
-    (sums.0 / f64::from(n), sums.1 / f64::from(n))
+    let n = cosines.len() as f64;
+    (sums.0 / n, sums.1 / n)
 }
 
 /// Intervals of [`decay_rates`].
@@ -45,13 +88,17 @@ pub const RATE_INTERVALS: usize = 256;
 /// in even steps: that of a slab, in which oblique light is lost first. So a stack of layers has its
 /// exact visibility at any slice distance.
 pub fn decay_rates(aperture_deg: f64) -> Vec<f64> {
+    rates_of(&cosines(aperture_deg, 0.0))
+}
+
+fn rates_of(cosines: &[f64]) -> Vec<f64> {
     let mut out = vec![1.0; RATE_INTERVALS + 1];
     // ln V is convex in τ, so Newton's steps from a smaller thickness never pass the root.
     let mut thickness = 0.0;
     for (i, rate) in out.iter_mut().enumerate().skip(1).rev() {
         let visibility = i as f64 / RATE_INTERVALS as f64;
         for _ in 0..8 {
-            let (transmittance, slope) = means(aperture_deg, thickness);
+            let (transmittance, slope) = means(cosines, thickness);
             *rate = slope / transmittance;
             let step = (transmittance / visibility).ln() / *rate;
             if step.abs() < 1e-9 {
@@ -89,34 +136,39 @@ pub struct Decay {
     pub of_slab: Vec<[f64; 3]>,
 }
 
-/// The tables requested last, with the bits of their aperture.
-static CACHED: Mutex<Option<(u64, Arc<Decay>)>> = Mutex::new(None);
+/// The tables requested last, with the bits of their aperture and tilt.
+static CACHED: Mutex<Option<([u64; 2], Arc<Decay>)>> = Mutex::new(None);
 
 impl Decay {
     /// Tables of a cone of this half opening angle. The tables requested last are cached: every frame requests
     /// them, and computing them would take part of its time.
     pub fn of(aperture_deg: f64) -> Arc<Self> {
+        Self::tilted(aperture_deg, 0.0)
+    }
+
+    /// Tables of the same cone about an axis `tilt_deg` from the layers' normal, which the optical thickness is along, with
+    /// the eye; aperture and tilt together are below 90 degrees.
+    pub fn tilted(aperture_deg: f64, tilt_deg: f64) -> Arc<Self> {
         let mut cached = CACHED.lock().unwrap_or_else(PoisonError::into_inner);
-        let key = aperture_deg.to_bits();
+        let key = [aperture_deg, tilt_deg].map(f64::to_bits);
         match &*cached {
             Some((known, decay)) if *known == key => Arc::clone(decay),
-            _ => Arc::clone(&cached.insert((key, Arc::new(Self::new(aperture_deg)))).1),
+            _ => Arc::clone(&cached.insert((key, Arc::new(Self::new(aperture_deg, tilt_deg)))).1),
         }
     }
 
-    fn new(aperture_deg: f64) -> Self {
-        let min_cos = aperture_deg.to_radians().cos();
-        let n = 128;
+    fn new(aperture_deg: f64, tilt_deg: f64) -> Self {
+        let cosines = cosines(aperture_deg, tilt_deg);
+        let n = cosines.len() as f64;
         let logs = |thickness: f64| {
             let (mut visible, mut scattered) = (0.0, 0.0);
-            for i in 0..n {
-                let c = min_cos + (1.0 - min_cos) * (f64::from(i) + 0.5) / f64::from(n);
+            for c in &cosines {
                 // Relative to transmittance along the axis, so that nothing underflows to 0.
                 let transmittance = (thickness - thickness / c).exp();
                 visible += transmittance;
                 scattered += transmittance / (1.0 + 1.0 / c);
             }
-            [visible, scattered].map(|sum| thickness - (sum / f64::from(n)).ln())
+            [visible, scattered].map(|sum| thickness - (sum / n).ln())
         };
         let entries = RATE_INTERVALS + 1;
         let of_slab = (0..entries)
@@ -137,7 +189,7 @@ impl Decay {
                 [visible, scattered, thickness.max(0.0)]
             })
             .collect();
-        Self { rates: decay_rates(aperture_deg), of_slab }
+        Self { rates: rates_of(&cosines), of_slab }
     }
 
     fn at(&self, thickness: f64, column: usize) -> f64 {
@@ -192,7 +244,7 @@ mod tests {
     #[test]
     fn a_stack_of_slices_equals_a_slab() {
         for aperture_deg in [0.0, 30.0, 60.0, 85.0] {
-            let decay = Decay::new(aperture_deg);
+            let decay = Decay::new(aperture_deg, 0.0);
             for whole in [0.01, 0.3, 1.0, 4.0, 11.0] {
                 for slices in [1, 2, 7, 60, 1000] {
                     let (mut light, mut gathered, mut through) = (1.0, 0.0, 1.0);

@@ -22,7 +22,15 @@ pub enum Phase {
         /// Half the opening angle, degrees, below 90.
         aperture_deg: f64,
     },
-    /// The same cone, directions through the points of a disc uniform in area, as the paper's slices
+    /// Directions in a cone about a fixed direction instead of the one to the eye, uniform in solid angle: a wide light far
+    /// away.
+    Lamp {
+        /// Towards the light, unit length.
+        towards: DVec3,
+        /// Half the opening angle, degrees, below 90.
+        aperture_deg: f64,
+    },
+    /// The cone about the direction to the eye, directions through the points of a disc uniform in area, as the paper's slices
     /// sample it.
     Disc {
         /// Half the opening angle, degrees, below 90.
@@ -74,16 +82,19 @@ pub fn around(axis: DVec3) -> (DVec3, DVec3) {
     (u, axis.cross(u))
 }
 
-/// A direction sampled from the phase function about `axis` (unit length, towards the eye).
+/// A direction sampled from the phase function about `axis` (unit length, towards the eye), or about its own.
 pub fn direction(phase: Phase, axis: DVec3, random: &mut Random) -> DVec3 {
     let (a, b) = (random.unit(), random.unit());
     let (sin_azimuth, cos_azimuth) = (std::f64::consts::TAU * b).sin_cos();
     let cos = match phase {
-        Phase::Cone { aperture_deg } => 1.0 - a * (1.0 - aperture_deg.to_radians().cos()),
+        Phase::Cone { aperture_deg } | Phase::Lamp { aperture_deg, .. } => {
+            1.0 - a * (1.0 - aperture_deg.to_radians().cos())
+        }
         Phase::Disc { aperture_deg } => 1.0 / (1.0 + a * aperture_deg.to_radians().tan().powi(2)).sqrt(),
         Phase::Isotropic => 1.0 - 2.0 * a,
     };
     let sin = ((1.0 - cos) * (1.0 + cos)).max(0.0).sqrt();
+    let axis = if let Phase::Lamp { towards, .. } = phase { towards } else { axis };
     let (u, v) = around(axis);
     axis * cos + (u * cos_azimuth + v * sin_azimuth) * sin
 }

@@ -25,6 +25,19 @@ pub(crate) enum Kernel {
         /// Weight of the pixel itself, in addition to its share as a point.
         center: f64,
     },
+    /// Points in an ellipse towards a lamp, bilinear, equally weighted.
+    Ellipse {
+        /// Points along a side of the square around the ellipse.
+        grid: u32,
+        /// By how much a pixel's offset from the frame's middle grows.
+        scale: f64,
+        /// Pixels to the right and downwards after that.
+        shift_px: [f64; 2],
+        /// The half axes of the square, pixels.
+        axes_px: [[f64; 2]; 2],
+        /// Millimetres per pixel there.
+        pixel_mm: f64,
+    },
 }
 
 impl Kernel {
@@ -55,6 +68,10 @@ impl Kernel {
                 let points = disc_points(grid);
                 points.iter().map(|p| (p[0] * radius_px).powi(2)).sum::<f64>() / points.len() as f64
             }
+            // About its middle, the larger one, with what interpolation adds at most.
+            Self::Ellipse { axes_px: [a, b], .. } => {
+                0.25 + (a[0] * a[0] + b[0] * b[0]).max(a[1] * a[1] + b[1] * b[1]) / 3.0
+            }
         }
     }
 
@@ -63,6 +80,10 @@ impl Kernel {
         match *self {
             Self::Lattice { side, stride_px, .. } => (side - 1) * stride_px / 2,
             Self::Disc { radius_px, .. } => radius_px.ceil() as u32 + 1,
+            // From its middle.
+            Self::Ellipse { axes_px: [a, b], .. } => {
+                (a[0].abs() + b[0].abs()).max(a[1].abs() + b[1].abs()).ceil() as u32 + 1
+            }
         }
     }
 }

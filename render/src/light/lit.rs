@@ -246,6 +246,13 @@ pub struct LightRow {
     pub(crate) start: fn(&Gpu) -> Box<dyn Light>,
 }
 
+impl LightRow {
+    /// Whether [`crate::scene::LightSettings::towards_lamp`] has an effect: the cone of light may point to the lamp.
+    pub fn turns_to_lamp(&self) -> bool {
+        matches!(self.mode, LightingMode::Slices | LightingMode::Cones)
+    }
+}
+
 /// Advice on directional occlusion.
 pub(crate) const DEPTH_ORDER_AND_SIZE: &str =
     "Recommended for depth order and size, with all kinds of images";

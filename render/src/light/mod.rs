@@ -121,7 +121,8 @@ pub fn preset(mode: LightingMode, preset: Preset) -> Quality {
 /// light without an ambient share; the picture's error is proportional to the rest. `None` for light by a headlight, which
 /// is a different model, and for custom settings.
 pub fn expected_error(quality: &Quality) -> Option<[f64; 2]> {
-    let is_default = quality.lighting.aperture_deg == LightSettings::DEFAULT.aperture_deg;
+    let LightSettings { aperture_deg, towards_lamp, .. } = quality.lighting;
+    let is_default = aperture_deg == LightSettings::DEFAULT.aperture_deg && !towards_lamp;
     let cost = quality.cost.filter(|_| is_default)?;
     shown_error(row(quality.lighting.mode).measured, cost, quality)
 }

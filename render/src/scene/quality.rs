@@ -195,8 +195,8 @@ impl MutualOcclusion {
 pub struct LightSettings {
     /// Lighting mode.
     pub mode: LightingMode,
-    /// Half the opening angle of the cone that light arrives through, around the direction to the eye, or with spherical
-    /// harmonics to the lamp; degrees, 0 to 85.
+    /// Half the opening angle of the cone that light arrives through, around the direction to the eye or to the lamp;
+    /// degrees, 0 to 85.
     pub aperture_deg: f64,
     /// How occlusion is propagated from slice to slice.
     pub variant: SliceVariant,
@@ -222,9 +222,12 @@ pub struct LightSettings {
     /// footprint's samples are apart; 1 to 4.
     #[serde(default = "default_layer_cell")]
     pub layer_cell: f64,
-    /// Half-angle slicing, shadow volume, spherical harmonics, paths: where the light stands.
+    /// Half-angle slicing, shadow volume, spherical harmonics, paths, and where `towards_lamp` is set: where the light stands.
     #[serde(default)]
     pub lamp: Lamp,
+    /// Slices and cones: whether the cone of light is around the direction to the lamp instead of that to the eye.
+    #[serde(default)]
+    pub towards_lamp: bool,
     /// Half-angle slicing: side of a texel of the light's buffer; above 0.
     #[serde(default = "default_lamp_texel_mm")]
     pub lamp_texel_mm: f64,
@@ -299,6 +302,7 @@ impl LightSettings {
         vicinity_mm: 3.0,
         layer_cell: 1.5,
         lamp: Lamp::DEFAULT,
+        towards_lamp: false,
         lamp_texel_mm: 1.0,
         sky_order: 3,
         sky_directions: 64,

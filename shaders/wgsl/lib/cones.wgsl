@@ -1,4 +1,4 @@
-// Light that arrives through a cone towards the eye: sub-cones of equal solid angle, each traced through
+// Light that arrives through a cone towards the eye or a lamp: sub-cones of equal solid angle, each traced through
 // levels of prefiltered extinction, finer nearby and coarser farther away (after Crassin et al. 2011).
 // Shared by the image's light grid and by surfaces.
 //
@@ -32,7 +32,8 @@ struct Cones {
     unused_a: u32,
     unused_b: u32,
     levels: array<Level, 16>,
-    axes: array<vec4<f32>, 128>,    // unit: right and up perpendicular to the line of sight, and towards the eye
+    // Unit: right and up perpendicular to the line of sight, and towards the eye; to a lamp in camera space.
+    axes: array<vec4<f32>, 128>,
 }
 
 @group(0) @binding(26) var<uniform> cones: Cones;
@@ -44,6 +45,8 @@ const LAST_LEVEL = 15u;
 
 // Whether sub-cones are exact voxel traversals (`exact_ray` of the including file), for label maps.
 override exact: bool = false;
+// Whether the cone is around the direction to a lamp far away.
+override towards_lamp: bool = false;
 
 fn level_at(p: vec3<f32>, number: u32) -> f32 {
     let level = cones.levels[number];
@@ -129,7 +132,10 @@ fn light_from_cone(c: vec3<f32>) -> vec2<f32> {
     var sum = vec2<f32>(0.0);
     for (var i = 0u; i < varied(cones.count); i++) {
         let a = cones.axes[i];
-        let w = u * a.x + v * a.y + axis * a.z;
+        var w = a.xyz;
+        if !towards_lamp {
+            w = u * a.x + v * a.y + axis * a.z;
+        }
         if exact {
             sum += exact_ray(c, w);
         } else {

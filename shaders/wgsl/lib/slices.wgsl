@@ -29,6 +29,11 @@ struct Part {
     is_last: u32,
     columns: u32,                   // workgroups across of the dispatch
     pad: u32,
+    shift: vec2<f32>,               // ellipse: pixels, after a pixel's offset from the frame's middle grew
+    scale: f32,                     // by this much
+    pixel_mm: f32,
+    along: vec2<f32>,               // its half axes, pixels
+    across: vec2<f32>,
     areas: array<Area, 5>,          // in order; behind the last, one beyond the frame
 }
 
@@ -46,6 +51,8 @@ override one_slice: bool = false;
 override solid_lets_through: bool = false;
 // Whether opaque surfaces darken each other through the slices, as in the paper.
 override solid_on_solid: bool = false;
+// Whether light comes from a lamp: footprints are ellipses, and light doesn't pass slices along the line of sight.
+override towards_lamp: bool = false;
 // Whether eye rays pass opaque geometry that covers its pixel in part: they then end at depths of their own,
 // stored behind the others in `depths`.
 override ends_apart: bool = false;
@@ -120,6 +127,38 @@ fn smooth_texel(at: vec2<f32>) -> vec2<f32> {
     return mix(a, b, f.y);
 }
 
+// The same, exact between equal values.
+fn light_at(at: vec2<f32>) -> vec2<f32> {
+    let low = floor(at - 0.5);
+    let f = at - 0.5 - low;
+    let i = vec2<i32>(low);
+    let a = texel(i);
+    let b = texel(i + vec2<i32>(0, 1));
+    let top = a + (texel(i + vec2<i32>(1, 0)) - a) * f.x;
+    let bottom = b + (texel(i + vec2<i32>(1, 1)) - b) * f.x;
+    return top + (bottom - top) * f.y;
+}
+
+// Where the light of a lamp crosses the slice before, in pixels from the frame's corner.
+fn towards(pixel: vec2<u32>) -> vec2<f32> {
+    let middle = 0.5 * vec2<f32>(view.size);
+    let off = vec2<f32>(pixel) + 0.5 - middle;
+    return middle + off + (parts[zero].scale * off + parts[zero].shift);
+}
+
+// Light of a tilted cone: all points of the square.
+fn ellipse(pixel: vec2<u32>) -> vec2<f32> {
+    let center = towards(pixel);
+    var sum = vec2<f32>(0.0);
+    for (var j = 0u; j < parts[zero].side; j++) {
+        for (var i = 0u; i < parts[zero].side; i++) {
+            let p = (vec2<f32>(vec2<u32>(i, j)) + 0.5) / f32(parts[zero].side) * 2.0 - 1.0;
+            sum += light_at(center + p.x * parts[zero].along + p.y * parts[zero].across);
+        }
+    }
+    return sum * parts[zero].share;
+}
+
 // Algorithms 2 and 3 of the first paper: one extinction per light.
 fn disc(pixel: vec2<u32>, extinction: vec2<f32>) -> vec2<f32> {
     let center = vec2<f32>(pixel) + 0.5;
@@ -134,10 +173,16 @@ fn disc(pixel: vec2<u32>, extinction: vec2<f32>) -> vec2<f32> {
                 continue;
             }
             var through = approximate;
-            if variant == PAPER_EXACT {
+            var off = p * parts[zero].radius;
+            if towards_lamp {
+                off = towards(pixel) - center + p.x * parts[zero].along + p.y * parts[zero].across;
+            }
+            if variant == PAPER_EXACT && towards_lamp {
+                through = exp(-extinction * length(vec3<f32>(off * parts[zero].pixel_mm, d)));
+            } else if variant == PAPER_EXACT {
                 through = exp(-extinction * sqrt(d * d + off2 * parts[zero].radius_mm * parts[zero].radius_mm));
             }
-            sum += smooth_texel(center + p * parts[zero].radius) * through;
+            sum += smooth_texel(center + off) * through;
         }
     }
     return sum * parts[zero].share;

@@ -38,7 +38,8 @@ fn shades() -> bool {
 }
 
 fn mended(pixel: Pixel, front: f32, span: vec2<f32>, material: vec4<f32>) {
-    let extinction = extinction_of(material) * pixel.slant;
+    // A lamp's light crosses slices on ways of its own, which its decay knows.
+    let extinction = extinction_of(material) * select(pixel.slant, 1.0, towards_lamp);
     let hides = with_solid && pixel.solid < front + slices.slice_mm;
     let meets = hides && pixel.solid >= front;
     let end = max(span.y, span.x);
@@ -52,8 +53,14 @@ fn mended(pixel: Pixel, front: f32, span: vec2<f32>, material: vec4<f32>) {
     let to_end = extinction * (ends - span.x);
     let whole = extinction * (end - span.x);
     let slice = through_slice(light.y, to_end);
-    let lit = mix(absorbed(to_end), slice.x, slices.strength);
-    state = vec4<f32>(state.rgb + decoded(material.rgb) * (lit * state.a), state.a * exp(-to_end));
+    var seen = to_end;
+    var gathered = slice.x;
+    if towards_lamp {
+        seen = to_end * pixel.slant;
+        gathered *= select(pixel.slant, absorbed(seen) / absorbed(to_end), to_end > 1e-6);
+    }
+    let lit = mix(absorbed(seen), gathered, slices.strength);
+    state = vec4<f32>(state.rgb + decoded(material.rgb) * (lit * state.a), state.a * exp(-seen));
     if with_solid {
         let after = select(light.x, through_slice(light.x, whole).y, whole > 0.0);
         // At opaque geometry: between in front of and behind the slice (Algorithm 4), as light attenuates.
@@ -130,7 +137,9 @@ fn main(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invocation_i
         last = depths[at + view.size.x * view.size.y];
     }
     let pixel = Pixel(at, image_line(p), range, slant, solid, last);
-    if variant == MENDED {
+    if variant == MENDED && towards_lamp {
+        light = ellipse(id);
+    } else if variant == MENDED {
         light = lattice(id);
     } else {
         light = texel(vec2<i32>(id));

@@ -72,9 +72,20 @@ fn halves(picture: &RgbaImage) -> [f64; 2] {
 /// A lamp lights the side that it stands at; from in front, one that stays with the patient is one that goes with the viewer.
 #[test]
 fn a_placed_lamp_lights_its_side() {
+    check_lamp(&["--light", "half-angle"]);
+}
+
+/// So it does where the cone of light points to it.
+#[test]
+fn a_cone_of_light_from_a_lamp_lights_its_side() {
+    check_lamp(&["--light", "slices", "--aperture", "20"]);
+    check_lamp(&["--light", "cones", "--aperture", "20"]);
+}
+
+fn check_lamp(light: &[&str]) {
     let lit = |place: &str, frame: &str| {
-        let lamp = ["--light", "half-angle", "--quality", "balanced", "--lamp", place, "--lamp-frame", frame];
-        picture(&[&["--sample", "--view", "context", "--camera", "0,0"][..], &lamp].concat())
+        let lamp = ["--quality", "balanced", "--lamp", place, "--lamp-frame", frame];
+        picture(&[&["--sample", "--view", "context", "--camera", "0,0"][..], light, &lamp].concat())
     };
     let [left, right] = ["-60,20", "60,20"].map(|place| lit(place, "viewer"));
     let [left_halves, right_halves] = [&left, &right].map(halves);

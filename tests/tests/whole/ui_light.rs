@@ -101,11 +101,21 @@ fn the_lamp_is_placed_in_the_menu_undone_and_saved() {
     let old = folder.path().join("old.glioscope.json");
     std::fs::write(&old, serde_json::to_vec(&json).unwrap()).unwrap();
     assert_eq!(session::load(&old).unwrap().document.edit.light.lamp, Lamp::DEFAULT);
+    // A cone of light points to it on request.
+    perform(&mut harness, EditCommand::SetLightingMode(LightingMode::Cones));
+    assert!(!light(&harness).has_lamp());
+    harness.get_by_label("View").click();
+    harness.run_ok();
+    harness.get_by_label_contains("Light and quality").click();
+    harness.run_ok();
+    harness.get_by_label("Light from the lamp").click();
+    harness.run_ok();
+    assert!(light(&harness).has_lamp() && light(&harness).at_rest().lighting.towards_lamp);
     // One step or several, by how quickly they followed each other.
     while harness.state().work.history.can_undo() {
         perform(&mut harness, EditCommand::Undo);
     }
-    assert_eq!(light(&harness).lamp, Lamp::DEFAULT);
+    assert_eq!((light(&harness).lamp, light(&harness).towards_lamp), (Lamp::DEFAULT, false));
 }
 
 #[test]

@@ -9,7 +9,7 @@ use crate::{
     ClipPlane, ContextRenderer, ContextScene,
     image::{buffers::ImageBuffers, volume::BRICK},
     light::suite::{image_of, lit, scene, shaped, transfer},
-    scene::{LightSettings, LightingMode, Quality},
+    scene::{Lamp, LampFrame, LightSettings, LightingMode, Quality},
     solid::{SURFACE, view::FAR},
     testing::GPU,
 };
@@ -33,11 +33,13 @@ pub(super) fn max_twin_error() -> f64 {
             scene.transfer = shaped();
         }
         scene.clip = if cut { vec![clip] } else { Vec::new() };
-        for (aperture_deg, sub_cones, coarsest_level, cone_step, cell_mm) in [
-            (60.0, 8, 3, 1.0, 4.0),
-            (80.0, 16, 1, 0.5, 3.0),
-            (25.0, 5, 0, 1.0, 5.0),
-            (60.0, 4, 0, 0.0625, 6.0),
+        for (aperture_deg, sub_cones, coarsest_level, cone_step, cell_mm, to_lamp) in [
+            (60.0, 8, 3, 1.0, 4.0, None),
+            (80.0, 16, 1, 0.5, 3.0, None),
+            (25.0, 5, 0, 1.0, 5.0, None),
+            (60.0, 4, 0, 0.0625, 6.0, None),
+            (40.0, 7, 2, 1.0, 5.0, Some((LampFrame::Viewer, -45.0, 45.0))),
+            (20.0, 3, 0, 1.0, 6.0, Some((LampFrame::Patient, 140.0, -20.0))),
         ] {
             let lighting = LightSettings {
                 mode: LightingMode::Cones,
@@ -46,12 +48,18 @@ pub(super) fn max_twin_error() -> f64 {
                 coarsest_level,
                 cone_step,
                 cell_mm,
+                towards_lamp: to_lamp.is_some(),
+                lamp: to_lamp.map_or(Lamp::DEFAULT, |(frame, azimuth_deg, elevation_deg)| Lamp {
+                    frame,
+                    azimuth_deg,
+                    elevation_deg,
+                }),
                 ..LightSettings::DEFAULT
             };
             let (worst, ambiguous, cells) = twin_error(&scene, &lighting);
             println!(
                 "2-D {two_d}, shapes {by_shapes}, tumour {with_tumor}, {projection:?}, cut {cut}, {sub_cones} sub-cones to level \
-                 {coarsest_level}: {worst:.2e} in {cells} cells, {ambiguous} ambiguous"
+                 {coarsest_level}, lamp {to_lamp:?}: {worst:.2e} in {cells} cells, {ambiguous} ambiguous"
             );
             largest = largest.max(worst);
             differing = (differing.0 + ambiguous, differing.1 + cells);
@@ -113,6 +121,26 @@ fn twin_error(scene: &ContextScene, lighting: &LightSettings) -> (f64, usize, us
     let compared = offs.iter().filter(|(off, ambiguous, _)| *off <= 1e-3 || !*ambiguous);
     let worst = compared.fold(0.0f64, |a, o| a.max(o.0));
     (worst, excused, offs.len())
+}
+
+/// Light from a lamp at the eye is that of the eye where lines of sight are parallel; where the lamp stands has no effect
+/// on light from the eye.
+#[test]
+fn a_lamp_at_the_eye_is_the_eyes_light() {
+    let scene = scene(false, true, Projection::Orthographic);
+    let eye = lit(LightingMode::Cones);
+    let elsewhere = Lamp { azimuth_deg: 100.0, elevation_deg: 10.0, ..Lamp::DEFAULT };
+    let at_eye = Lamp { azimuth_deg: 0.0, elevation_deg: 0.0, ..Lamp::DEFAULT };
+    let draw = |lamp: Lamp, towards_lamp: bool| {
+        let lighting = LightSettings { lamp, towards_lamp, ..eye.lighting };
+        let mut renderer = ContextRenderer::new(&GPU).unwrap();
+        renderer.render(&GPU, &scene, &Quality { lighting, ..eye }, SIZE).unwrap().read_rgba(&GPU).unwrap()
+    };
+    let plain = draw(Lamp::DEFAULT, false);
+    assert!(draw(elsewhere, false) == plain);
+    let worst = |a: &[u8]| a.iter().zip(&plain).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
+    let (same, other) = (worst(&draw(at_eye, true)), worst(&draw(elsewhere, true)));
+    assert!(same <= 1 && other > 20, "{same} {other}");
 }
 
 /// A clipped image compared with one that really ends there, the cut towards the viewer. Voxels, light

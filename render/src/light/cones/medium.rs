@@ -4,8 +4,9 @@ use glam::DVec3;
 use glioscope_core::{Grid, optics::Camera};
 
 use super::{
+    super::half_angle::plan::turned,
     pyramid,
-    settings::{ClampedSettings, ConeSettings, sub_cones},
+    settings::{ClampedSettings, ConeSettings, sub_cones, sub_cones_about},
     uniforms::{Cones, LEVELS, Level},
 };
 use crate::{
@@ -21,6 +22,11 @@ pub(super) const OPAQUE_THICKNESS: f64 = 40.0;
 /// Maximum number of steps of a thread, over all its sub-cones: Mesa's software driver silently ends a thread's loops
 /// after 65,535 rounds in total.
 const MOST_ROUNDS: u32 = 60_000;
+
+/// Direction towards the lamp in camera space, where light comes from there.
+fn lamp(camera: &Camera, settings: &LightSettings) -> Option<DVec3> {
+    settings.towards_lamp.then(|| turned(camera, settings.lamp.direction(camera)))
+}
 
 /// Prefiltered extinction on the device.
 pub(crate) struct Medium {
@@ -60,21 +66,26 @@ impl Medium {
         Ok(Self { grid: grid.clone(), cells, levels, count })
     }
 
-    /// The uniform of light from a cone towards the eye, and notes on changed settings.
+    /// The uniform of light from a cone about the direction to the eye, or to the lamp, and notes on changed settings.
     pub fn uniform(
         &self,
         camera: &Camera,
         reference_mm: f64,
-        settings: &LightSettings,
+        requested: &LightSettings,
     ) -> (Cones, Vec<String>) {
-        let requested = ConeSettings {
-            aperture_deg: settings.aperture_deg,
-            sub_cones: settings.sub_cones,
-            coarsest_level: settings.coarsest_level,
-            cone_step: settings.cone_step,
+        let clamped = ConeSettings {
+            aperture_deg: requested.aperture_deg,
+            sub_cones: requested.sub_cones,
+            coarsest_level: requested.coarsest_level,
+            cone_step: requested.cone_step,
+        }
+        .clamped(LightSettings::MOST_SUB_CONES);
+        let ClampedSettings { settings, mut notes } = clamped;
+        let axes: Vec<DVec3> = match lamp(camera, requested) {
+            Some(towards) => sub_cones_about(towards, &settings),
+            None => sub_cones(&settings).into_iter().map(DVec3::from_array).collect(),
         };
-        let ClampedSettings { settings, mut notes } = requested.clamped(LightSettings::MOST_SUB_CONES);
-        let axes = sub_cones(&settings).into_iter().map(DVec3::from_array);
+        let axes = axes.into_iter();
         let (uniform, note) = self.along(camera, reference_mm, &settings, (axes, settings.sub_cones));
         notes.extend(note);
         (uniform, notes)

@@ -185,8 +185,8 @@ pub(crate) fn cell_dispatches(cells: u32, is_software: bool) -> (Vec<u8>, Vec<Di
 /// The passes on the device.
 struct ConeLight {
     image_layout: wgpu::BindGroupLayout,
-    /// With and without gradients.
-    image_pipelines: Vec<(Dimensions, wgpu::ComputePipeline)>,
+    /// With and without gradients, with the cone to the lamp or to the eye.
+    image_pipelines: Vec<((Dimensions, bool), wgpu::ComputePipeline)>,
     image_uniform: wgpu::Buffer,
     mask_uniform: wgpu::Buffer,
     grid_uniform: wgpu::Buffer,
@@ -356,7 +356,7 @@ impl ConeLight {
             ..LightGrid::of(&held.medium.grid, &held.cells, scene.camera, scene.reference_mm)
         };
         gpu.queue.write_buffer(&self.grid_uniform, 0, bytemuck::bytes_of(&grid));
-        let pipeline = self.image_pipeline(gpu, buffers.tables().dimensions)?;
+        let pipeline = self.image_pipeline(gpu, (buffers.tables().dimensions, settings.towards_lamp))?;
         let entries = [
             (0, scene.view.as_entire_binding()),
             (4, scene.depths.as_entire_binding()),
@@ -383,15 +383,17 @@ impl ConeLight {
     fn image_pipeline(
         &mut self,
         gpu: &Gpu,
-        dimensions: Dimensions,
+        key: (Dimensions, bool),
     ) -> Result<wgpu::ComputePipeline, RenderError> {
-        if let Some((_, pipeline)) = self.image_pipelines.iter().find(|(with, _)| *with == dimensions) {
+        if let Some((_, pipeline)) = self.image_pipelines.iter().find(|(with, _)| *with == key) {
             return Ok(pipeline.clone());
         }
-        let pipeline =
-            compute_pipeline(gpu, "cones/image", Some(&self.image_layout), &dimensions.constants())?;
+        let (dimensions, towards_lamp) = key;
+        let [gradient_counts, joint] = dimensions.constants();
+        let constants = [gradient_counts, joint, ("towards_lamp", f64::from(u8::from(towards_lamp)))];
+        let pipeline = compute_pipeline(gpu, "cones/image", Some(&self.image_layout), &constants)?;
         gpu.check()?;
-        self.image_pipelines.push((dimensions, pipeline.clone()));
+        self.image_pipelines.push((key, pipeline.clone()));
         Ok(pipeline)
     }
 
@@ -435,7 +437,8 @@ impl ConeLight {
             (38, self.grid_uniform.as_entire_binding()),
         ];
         let past_tubes = f64::from(u8::from(plan.has(TUBE_SHADOWS)));
-        let constants = [("exact", exact), ("past_tubes", past_tubes)];
+        let towards_lamp = f64::from(u8::from(settings.towards_lamp));
+        let constants = [("exact", exact), ("past_tubes", past_tubes), ("towards_lamp", towards_lamp)];
         let shader = Shader { file: "cones/opaque", constants: &constants };
         passes.bind(gpu, SOLID_CONES, shader, &entries, workgroups_of(scene.size))?;
         self.masks = Some(held);

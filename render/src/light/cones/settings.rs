@@ -1,6 +1,9 @@
 //! The settings of cone-traced occlusion.
 
+use glam::DVec3;
 use glioscope_core::optics::cone::clamped_aperture;
+
+use crate::light::half_angle::plan::across_light;
 
 /// Settings of cone-traced occlusion.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,6 +61,14 @@ impl ConeSettings {
         let cos = 1.0 - (1.0 - self.aperture_deg.to_radians().cos()) / f64::from(self.sub_cones);
         ((1.0 - cos) * (1.0 + cos)).sqrt() / cos
     }
+}
+
+/// [`sub_cones`] about a direction towards the light in camera space (right, up, away from the eye), unit length, in camera
+/// space. They turn with it, without a jump unless the light stands behind the scene.
+pub(crate) fn sub_cones_about(towards: DVec3, settings: &ConeSettings) -> Vec<DVec3> {
+    let [u, _] = across_light(-towards);
+    let v = towards.cross(u);
+    sub_cones(settings).iter().map(|a| u * a[0] + v * a[1] + towards * a[2]).collect()
 }
 
 /// Axes of the sub-cones about z (towards the eye), unit vectors: a spiral of even solid angle.

@@ -7,7 +7,7 @@ use glioscope_core::optics::{Projection, Ray, Sight};
 
 use super::{
     pyramid::{self, Level},
-    settings::{ConeSettings, sub_cones},
+    settings::{ConeSettings, sub_cones, sub_cones_about},
 };
 use crate::{
     scene::LightSettings,
@@ -42,6 +42,8 @@ pub struct ConeTwin<'a> {
     opaque_mm: &'a [f64],
     settings: ConeSettings,
     axes: Vec<[f64; 3]>,
+    /// Towards a lamp: sub-cones in world space.
+    to_lamp: Option<Vec<DVec3>>,
     levels: Vec<Level>,
     voxel_from_world: glam::DAffine3,
     voxel_from_mm: DMat3,
@@ -74,6 +76,11 @@ impl<'a> ConeTwin<'a> {
             opaque_mm,
             settings,
             axes: sub_cones(&settings),
+            to_lamp: lighting.towards_lamp.then(|| {
+                let world = DMat3::from_cols(sight.right, sight.up, sight.forward);
+                let towards = world.transpose() * lighting.lamp.direction(&scene.camera);
+                sub_cones_about(towards, &settings).into_iter().map(|w| world * w).collect()
+            }),
             levels,
             voxel_from_world: grid.voxel_from_world(),
             voxel_from_mm: grid.world_from_voxel().matrix3.inverse(),
@@ -91,8 +98,9 @@ impl<'a> ConeTwin<'a> {
         // The device's axes are right, up and away from the eye, a left-handed frame: its cross product.
         let v = u.cross(axis);
         let mut out = Light { image_only: 0.0, with_opaque: 0.0, is_ambiguous: false };
-        for a in &self.axes {
-            let one = self.sub_cone(at_mm, u * a[0] + v * a[1] + axis * a[2]);
+        let to_eye = || self.axes.iter().map(|a| u * a[0] + v * a[1] + axis * a[2]).collect();
+        for w in self.to_lamp.clone().unwrap_or_else(to_eye) {
+            let one = self.sub_cone(at_mm, w);
             out.image_only += one.image_only / self.axes.len() as f64;
             out.with_opaque += one.with_opaque / self.axes.len() as f64;
             out.is_ambiguous |= one.is_ambiguous;

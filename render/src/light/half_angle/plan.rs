@@ -249,7 +249,7 @@ fn whole(spans: &[(f64, f64)]) -> (f64, f64) {
 }
 
 /// Two axes perpendicular to a light (Frisvad 2012). They turn with it, without a jump unless it shines at the eye.
-fn across_light(light: DVec3) -> [DVec3; 2] {
+pub(crate) fn across_light(light: DVec3) -> [DVec3; 2] {
     if light.z < -0.999_999 {
         return [DVec3::X, -DVec3::Y];
     }

@@ -53,6 +53,11 @@ pub(crate) fn cell_at(cost: f64) -> f64 {
     (LightSettings::DEFAULT.layer_cell * cost.powf(-0.3)).min(3.0)
 }
 
+/// Why geometry known by depths alone casts no shadows on other such geometry from afar.
+pub(crate) fn no_lamp_shadow(light: &LightSettings) -> Option<&'static str> {
+    light.towards_lamp.then_some("depths say nothing about what a lamp's light meets")
+}
+
 /// Why the pass is omitted: there is nothing that it would darken.
 pub(crate) fn omission_reason(quality: &Quality, no_opaque: Option<&'static str>) -> Option<&'static str> {
     let light = &quality.lighting;
@@ -61,6 +66,7 @@ pub(crate) fn omission_reason(quality: &Quality, no_opaque: Option<&'static str>
         .or((!light.mutual.opaque_on_opaque).then_some("opaque surfaces don't darken each other"))
         .or((clamped_aperture(light.aperture_deg).0 <= 0.0)
             .then_some("light from the eye alone reaches all that is seen"))
+        .or(no_lamp_shadow(light))
         .or((light.variant != SliceVariant::Mended)
             .then_some("the paper's slices carry surfaces through the image"))
         .or((!(light.vicinity_mm.is_finite()) || is_off(light.vicinity_mm))

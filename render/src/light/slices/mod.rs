@@ -5,6 +5,9 @@
 //! Lifetimes: pipelines are created when a variant is first drawn; buffers (40 bytes per pixel, with opaque geometry
 //! 48) once per size; the uniforms of the steps, 256 bytes for each of their rectangles, once per frame.
 
+pub(crate) mod lamp;
+#[cfg(test)]
+mod lamp_tests;
 #[cfg(test)]
 pub(crate) mod medium_twin;
 pub(crate) mod plan;
@@ -19,9 +22,11 @@ pub(crate) mod twin;
 mod twin_tests;
 pub(crate) mod uniforms;
 
-use glioscope_core::optics::{Sight, cone::Decay};
+use glam::DVec3;
+use glioscope_core::optics::{Camera, Sight, cone::Decay};
 
 use self::{
+    lamp::ellipse_points,
     plan::{Kernel, SlicePlan, SliceSettings, Step, disc_points},
     reach::{OpaqueBounds, Rect, ScreenBounds, StepRects, step_rects},
 };
@@ -125,14 +130,19 @@ fn at_cost(cost: f64) -> Quality {
     }
 }
 
-/// The part of the light settings that the slices use.
-pub(crate) fn slice_settings(settings: &LightSettings) -> SliceSettings {
+/// The part of the light settings that the slices use, for a lamp's light.
+pub(crate) fn slice_settings(settings: &LightSettings, camera: &Camera) -> SliceSettings {
+    let lamp = settings.towards_lamp.then(|| {
+        let ([right, up, back], towards) = (camera.axes(), settings.lamp.direction(camera));
+        DVec3::new(towards.dot(right), towards.dot(up), -towards.dot(back))
+    });
     SliceSettings {
         variant: settings.variant,
         aperture_deg: settings.aperture_deg,
         grid: settings.slice_grid,
         slice_mm: settings.slice_mm,
         reference_mm: settings.reference_mm,
+        lamp,
     }
 }
 
@@ -173,6 +183,8 @@ struct PipelineKey {
     opaque_transmits: bool,
     /// Whether opaque geometry blocks the light that it receives.
     opaque_on_opaque: bool,
+    /// Whether light comes from a lamp.
+    towards_lamp: bool,
     /// Whether the eye's rays end at depths other than those of opaque geometry.
     ends_apart: bool,
     dimensions: Dimensions,
@@ -318,7 +330,7 @@ impl SliceLight {
         let bricks = visible_bounds(&sight, image.buffers);
         let occupied = occupied_depths_mm(&bricks);
         let whole = occupied.first().zip(occupied.last()).map(|(first, last)| (first.0, last.1));
-        let mut plan = SlicePlan::new(&slice_settings(settings), &sight, whole, &occupied);
+        let mut plan = SlicePlan::new(&slice_settings(settings, scene.camera), &sight, whole, &occupied);
         if plan.steps.is_empty() {
             // An empty step, so that the buffers that later passes read are written.
             let kernel = Kernel::Lattice { side: 1, stride_px: 1, center: 0.0 };
@@ -351,6 +363,7 @@ impl SliceLight {
             one_slice: false,
             opaque_transmits: false,
             opaque_on_opaque: false,
+            towards_lamp: settings.towards_lamp,
             ends_apart: false,
             dimensions: Dimensions::Value,
             is_empty: false,
@@ -360,7 +373,7 @@ impl SliceLight {
         let mended = settings.variant == SliceVariant::Mended;
         let mut light_work = LightWork { slices: plan.slices(), ..LightWork::default() };
         for (number, (step, rects)) in plan.steps.iter().zip(&all_rects).enumerate() {
-            let mut part = step_uniform(step, number, scene.reference_mm);
+            let mut part = step_uniform(step, number, scene.reference_mm, settings.variant);
             part.is_last = u32::from(number + 1 == plan.steps.len());
             for (rects, with_opaque) in [(&rects.with_opaque, has_opaque), (&rects.without_opaque, false)] {
                 if rects.is_empty() {
@@ -463,6 +476,7 @@ impl SliceLight {
             ("one_slice", flag(key.one_slice)),
             ("solid_lets_through", flag(key.opaque_transmits)),
             ("solid_on_solid", flag(key.opaque_on_opaque)),
+            ("towards_lamp", flag(key.towards_lamp)),
             ("ends_apart", flag(key.ends_apart)),
             gradient_counts,
             joint,
@@ -510,7 +524,7 @@ impl StepDispatches {
 }
 
 /// The uniform of step `number`, for the whole frame.
-fn step_uniform(step: &Step, number: usize, reference_mm: f64) -> uniforms::Part {
+fn step_uniform(step: &Step, number: usize, reference_mm: f64, variant: SliceVariant) -> uniforms::Part {
     let mut out = uniforms::Part {
         depth: (step.depth_mm - reference_mm) as f32,
         slices: step.slices,
@@ -532,6 +546,15 @@ fn step_uniform(step: &Step, number: usize, reference_mm: f64) -> uniforms::Part
             out.stride = stride_px as i32;
             out.center = center as f32;
             out.share = 1.0 / (side * side) as f32;
+        }
+        Kernel::Ellipse { grid, scale, shift_px, axes_px, pixel_mm } => {
+            let in_disc = variant != SliceVariant::Mended;
+            out.side = grid;
+            out.share = 1.0 / ellipse_points(grid, in_disc).len() as f32;
+            out.scale = scale as f32;
+            out.shift = shift_px.map(|px| px as f32);
+            [out.along, out.across] = axes_px.map(|axis| axis.map(|px| px as f32));
+            out.pixel_mm = pixel_mm as f32;
         }
     }
     out

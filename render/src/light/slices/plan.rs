@@ -2,11 +2,13 @@
 
 use std::sync::Arc;
 
+use glam::DVec3;
 use glioscope_core::optics::{
     Sight,
     cone::{Decay, clamped_aperture, tangent_variance},
 };
 
+use super::lamp::LampCone;
 pub(crate) use crate::light::kernel::{Kernel, disc_points};
 use crate::{light::kernel::MOST_REACH_PX, scene::SliceVariant};
 
@@ -34,6 +36,8 @@ pub(crate) struct SliceSettings {
     /// Distance of an occluder whose penumbra has the true cone's width; mended variant only. Penumbrae
     /// of nearer occluders are too wide, of farther ones too narrow.
     pub reference_mm: f64,
+    /// Direction towards the lamp that the cone is about (right, up, away from the eye); `None`: about that to the eye.
+    pub lamp: Option<DVec3>,
 }
 
 /// Consecutive slices: the light is sampled once, through the kernel, before them.
@@ -56,6 +60,8 @@ pub(crate) struct SlicePlan {
     pub variant: SliceVariant,
     /// The aperture used.
     pub aperture_deg: f64,
+    /// The cone towards a lamp.
+    pub lamp: Option<LampCone>,
     /// The slice distance used.
     pub slice_mm: f64,
     /// Front to back.
@@ -64,6 +70,11 @@ pub(crate) struct SlicePlan {
     pub decay: Option<Arc<Decay>>,
     /// Notes on changed settings and omitted slices.
     pub notes: Vec<String>,
+}
+
+fn usable_reference_mm(settings: &SliceSettings) -> f64 {
+    let reference_mm = settings.reference_mm;
+    if reference_mm.is_finite() && reference_mm > 0.0 { reference_mm } else { 0.0 }
 }
 
 impl SlicePlan {
@@ -86,10 +97,13 @@ impl SlicePlan {
             notes.push(format!("grid {0}x{0}: {grid}x{grid} is used", settings.grid));
         }
         let mended = settings.variant == SliceVariant::Mended;
-        let decay = mended.then(|| Decay::of(aperture_deg));
+        let lamp = settings.lamp.map(|towards| LampCone::new(towards, aperture_deg, !mended, &mut notes));
+        let aperture_deg = lamp.map_or(aperture_deg, |cone| cone.aperture_deg);
+        let decay = mended.then(|| Decay::tilted(aperture_deg, lamp.map_or(0.0, |cone| cone.tilt_deg)));
         let mut plan = Self {
             variant: settings.variant,
             aperture_deg,
+            lamp,
             slice_mm: settings.slice_mm,
             steps: Vec::new(),
             decay,
@@ -129,7 +143,9 @@ impl SlicePlan {
             while ranges.next_if(|r| r.1 < front).is_some() {}
             ranges.peek().is_none_or(|r| r.0 > back)
         };
-        if mended {
+        if let Some(cone) = lamp {
+            plan.lamp_steps(&cone, (settings, grid), sight, near, from..until, &mut is_empty);
+        } else if mended {
             plan.mended_steps(settings, grid, sight, near, from..until, &mut is_empty);
         } else {
             let radius_mm = d * aperture_deg.to_radians().tan();
@@ -162,8 +178,7 @@ impl SlicePlan {
         is_empty: &mut dyn FnMut(u32) -> bool,
     ) {
         let d = self.slice_mm;
-        let reference_mm = settings.reference_mm;
-        let reference_mm = if reference_mm.is_finite() && reference_mm > 0.0 { reference_mm } else { 0.0 };
+        let reference_mm = usable_reference_mm(settings);
         let variance_mm2 = tangent_variance(self.aperture_deg) * d * reference_mm;
         // Half of a step's blur is applied before it, half behind it: second order in the step.
         let mut blur_before = 0.0;
@@ -195,6 +210,53 @@ impl SlicePlan {
             s.kernel = Kernel::lattice(grid, blur_before + 0.5 * total);
             self.steps.push(s);
         }
+    }
+
+    /// Steps whose light comes from a lamp: they end where it moves sideways by a pixel, too.
+    fn lamp_steps(
+        &mut self,
+        cone: &LampCone,
+        (settings, grid): (&SliceSettings, u32),
+        sight: &Sight,
+        near: f64,
+        slices: std::ops::Range<u32>,
+        is_empty: &mut dyn FnMut(u32) -> bool,
+    ) {
+        let d = self.slice_mm;
+        let mended = settings.variant == SliceVariant::Mended;
+        let reference_mm = usable_reference_mm(settings);
+        let no_kernel = Kernel::lattice(1, 0.0);
+        let mut steps: Vec<Step> = Vec::new();
+        for slice in slices {
+            let depth_mm = near + f64::from(slice) * d;
+            let empty = is_empty(slice);
+            let joins = steps.last_mut().filter(|step| {
+                let back_mm = depth_mm + d;
+                let pixel_mm = sight.pixel_mm(step.depth_mm + 0.5 * d);
+                let blur =
+                    cone.variance() * reference_mm * (depth_mm - step.depth_mm) / (pixel_mm * pixel_mm);
+                let moved = cone.moved_px(sight, [step.depth_mm.max(0.5 * d), back_mm]);
+                let is_short = blur < BLUR_PER_STEP_PX2 && (step.empty || moved < 1.0);
+                mended && step.empty == empty && step.slices < MOST_PER_STEP && is_short
+            });
+            match joins {
+                Some(step) => step.slices += 1,
+                None => steps.push(Step { depth_mm, slices: 1, kernel: no_kernel, empty }),
+            }
+        }
+        // From the middle of a step to that of the one before; half of its length for the first, which meets full light.
+        let mut before_mm = None;
+        for step in &mut steps {
+            let middle_mm = step.depth_mm + 0.5 * d * f64::from(step.slices);
+            let from_mm = before_mm.unwrap_or(step.depth_mm.max(0.5 * middle_mm));
+            step.kernel = if mended {
+                cone.blurred(sight, [from_mm, middle_mm], grid, reference_mm)
+            } else {
+                cone.ellipse(sight, [from_mm, middle_mm], grid)
+            };
+            before_mm = Some(middle_mm);
+        }
+        self.steps = steps;
     }
 
     /// Total number of slices.

@@ -11,7 +11,7 @@ use super::{
 use crate::scene::SliceVariant;
 
 fn settings(variant: SliceVariant) -> SliceSettings {
-    SliceSettings { variant, aperture_deg: 60.0, grid: 5, slice_mm: 1.0, reference_mm: 10.0 }
+    SliceSettings { variant, aperture_deg: 60.0, grid: 5, slice_mm: 1.0, reference_mm: 10.0, lamp: None }
 }
 
 /// Lattices have any requested variance, up to the maximum reach.
@@ -89,7 +89,7 @@ fn penumbra_mm(variant: SliceVariant, slice_mm: f64, gap: f64, reference_mm: f64
     let optics = Optics { extinction_per_mm: f64::INFINITY, color: DVec3::ONE };
     let medium = Shapes(vec![medium.0[0], (floor, optics)]);
     let depths = Some((sight.depth_mm(DVec3::Z * (gap + 5.0)), sight.depth_mm(DVec3::Z * -1.0)));
-    let s = SliceSettings { aperture_deg: 45.0, grid: 13, slice_mm, reference_mm, variant };
+    let s = SliceSettings { aperture_deg: 45.0, grid: 13, slice_mm, reference_mm, variant, lamp: None };
     let plan = SlicePlan::new(&s, &sight, depths, depths.as_slice());
     // The light that arrives at the floor, not the radiance seen by the eye.
     let light = twin::light_behind(&medium, &sight, &plan, gap + 5.0);

@@ -1,13 +1,14 @@
 //! Which pixels each slice step must process: where light may already be lost and is still needed. Pure: no device is
 //! touched.
 
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DVec2, DVec3};
 use glioscope_core::optics::Sight;
 use rayon::prelude::*;
 
 use crate::{
     image::buffers::brick_span_voxels,
     light::slices::{
+        lamp::LampCone,
         plan::{SlicePlan, Step},
         uniforms,
     },
@@ -276,6 +277,7 @@ pub(crate) fn step_rects_in_groups(
         })
         .unzip();
     let spread = Spread::of(steps);
+    let drift = Drift::of(plan, sight);
     // Each step is compared with all others, which are grouped if there are very many.
     let group_size = steps.len().div_ceil(most_groups.max(1)).max(1);
     let groups = |of: &dyn Fn(usize) -> Rect| -> Vec<Rect> {
@@ -287,7 +289,8 @@ pub(crate) fn step_rects_in_groups(
     let needed = |k: usize| {
         let later = receivers.iter().enumerate().skip(k / group_size).filter(|(_, rect)| !rect.is_empty());
         later.fold(Rect::EMPTY, |all, (g, rect)| {
-            all.union(rect.grown(spread.between(k, last.min((g + 1) * group_size - 1))))
+            let ends = [(g * group_size).max(k), last.min((g + 1) * group_size - 1)];
+            all.union(drift.needed(rect.grown(drift.spread(spread.between(k, ends[1]), k, ends[1])), ends, k))
         })
     };
     // Forwards: where light may have been lost, and where opaque surfaces may have made the two lights differ.
@@ -296,7 +299,9 @@ pub(crate) fn step_rects_in_groups(
     let spread_to = |of: &[Rect], k: usize| {
         let before = of.iter().enumerate().take(k / group_size + 1).filter(|(_, rect)| !rect.is_empty());
         let all = before.fold(Rect::EMPTY, |all, (g, rect)| {
-            all.union(rect.grown(spread.between((g * group_size).min(k), k)))
+            let ends = [(g * group_size).min(k), k.min((g + 1) * group_size - 1)];
+            let by = drift.spread(spread.between(ends[0], k), ends[0], k);
+            all.union(drift.lost(rect.grown(by), ends, k))
         });
         all.intersection(whole)
     };
@@ -359,5 +364,84 @@ impl Spread {
         let third = self.neg_log_p * self.widest_px / 3.0;
         let bound = third + (third * third + 2.0 * self.neg_log_p * variance.max(0.0)).sqrt();
         reach.min(bound.ceil() as u32)
+    }
+}
+
+/// How the light of a lamp moves rectangles from step to step; without a lamp they stay.
+struct Drift<'a> {
+    lamp: Option<&'a LampCone>,
+    sight: &'a Sight,
+    /// The middle of each step, view depths.
+    middles_mm: Vec<f64>,
+}
+
+/// Pixels beyond any frame.
+const BEYOND_PX: i32 = 1 << 24;
+
+impl<'a> Drift<'a> {
+    fn of(plan: &'a SlicePlan, sight: &'a Sight) -> Self {
+        let middle = |step: &Step| step.depth_mm + 0.5 * plan.slice_mm * f64::from(step.slices);
+        Self { lamp: plan.lamp.as_ref(), sight, middles_mm: plan.steps.iter().map(middle).collect() }
+    }
+
+    /// Pixels of a spread between two steps at either: pixels are larger farther away.
+    fn spread(&self, pixels: u32, near: usize, far: usize) -> u32 {
+        let Some(_) = self.lamp else { return pixels };
+        let [near, far] = [near, far].map(|step| self.sight.pixel_mm(self.middles_mm[step]));
+        (f64::from(pixels) * (far / near).max(1.0)).min(f64::from(BEYOND_PX)).ceil() as u32 + 2
+    }
+
+    /// Where a rectangle, the same in the steps from `ends[0]` to `ends[1]`, is along the light in step `to`: between where it
+    /// is from either end, as places are linear in depth.
+    fn moved(&self, rect: Rect, ends: [usize; 2], to: usize) -> Rect {
+        let Some(lamp) = self.lamp.filter(|_| !rect.is_empty()) else { return rect };
+        let middle = DVec2::from_array(self.sight.size.map(f64::from)) / 2.0;
+        let corner = |from: usize, at: [i32; 2]| {
+            let off = DVec2::new(f64::from(at[0]), f64::from(at[1])) - middle;
+            lamp.moved(self.sight, off, [from, to].map(|step| self.middles_mm[step])) + middle
+        };
+        let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+        for from in ends {
+            for at in [rect.low, rect.high] {
+                let at = corner(from, at).clamp(DVec2::splat(-1e6), DVec2::splat(1e6));
+                (low, high) = (low.min(at), high.max(at));
+            }
+        }
+        Rect {
+            low: [low.x.floor() as i32, low.y.floor() as i32],
+            high: [high.x.ceil() as i32, high.y.ceil() as i32],
+        }
+    }
+
+    /// Where light is lost that was lost in a rectangle before: what is at the frame's edge extends beyond it.
+    fn lost(&self, rect: Rect, ends: [usize; 2], to: usize) -> Rect {
+        if self.lamp.is_none() || rect.is_empty() {
+            return rect;
+        }
+        let mut edged = rect;
+        for a in 0..2 {
+            edged.low[a] = if rect.low[a] <= 0 { -BEYOND_PX } else { rect.low[a] };
+            edged.high[a] = if rect.high[a] >= self.sight.size[a] as i32 { BEYOND_PX } else { rect.high[a] };
+        }
+        let moved = self.moved(edged, ends, to);
+        let beyond = |a: usize| (edged.low[a] == -BEYOND_PX, edged.high[a] == BEYOND_PX);
+        let [x, y] = [beyond(0), beyond(1)];
+        let low = [if x.0 { 0 } else { moved.low[0] }, if y.0 { 0 } else { moved.low[1] }];
+        let size = self.sight.size.map(|s| s as i32);
+        let high = [if x.1 { size[0] } else { moved.high[0] }, if y.1 { size[1] } else { moved.high[1] }];
+        Rect { low, high }
+    }
+
+    /// Where light is read that is needed in a rectangle later: beyond the frame at its edge.
+    fn needed(&self, rect: Rect, ends: [usize; 2], to: usize) -> Rect {
+        let moved = self.moved(rect, ends, to);
+        if self.lamp.is_none() || moved.is_empty() {
+            return moved;
+        }
+        let size = self.sight.size.map(|s| s as i32);
+        Rect {
+            low: [0, 1].map(|a| moved.low[a].clamp(0, size[a] - 1)),
+            high: [0, 1].map(|a| moved.high[a].clamp(1, size[a])),
+        }
     }
 }

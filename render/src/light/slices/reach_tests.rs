@@ -14,7 +14,7 @@ use crate::{
         LightWork,
         suite::{lit, scene, transfer},
     },
-    scene::{LightSettings, LightingMode, MutualOcclusion, Quality, SliceVariant},
+    scene::{Lamp, LightSettings, LightingMode, MutualOcclusion, Quality, SliceVariant},
     solid::{SURFACE, view::FAR},
     testing::GPU,
 };
@@ -132,9 +132,43 @@ fn omitted_step_pixels_change_nothing() {
     assert!(shares.iter().all(|(place, share)| *place != "afar" || *share > 10.0), "some pixels are omitted");
 }
 
-fn plan_of(sight: &Sight, slice_mm: f64, depths: (f64, f64)) -> SlicePlan {
+/// So it is with a lamp beside the scene, whose light moves across the frame and in from beyond its edges.
+#[test]
+fn omitted_step_pixels_change_nothing_in_a_lamps_light() {
+    let mut shares = Vec::new();
+    for (with_tumor, projection) in [(false, Projection::Orthographic), (true, Projection::Perspective)] {
+        let mut scene = scene(false, with_tumor, projection);
+        let mut aside = scene.camera;
+        aside.focus_mm = DVec3::new(9.0, -4.0, 6.0);
+        aside.height_mm *= 0.4;
+        for (place, camera) in [("afar", scene.camera), ("aside", aside)] {
+            scene.camera = camera;
+            for (lamp, aperture_deg, variant) in [
+                ([-45.0, 45.0], 20.0, SliceVariant::Mended),
+                ([50.0, -5.0], 5.0, SliceVariant::Mended),
+                ([30.0, 10.0], 20.0, SliceVariant::PaperExact),
+            ] {
+                let [azimuth_deg, elevation_deg] = lamp;
+                let lighting = LightSettings {
+                    lamp: Lamp { azimuth_deg, elevation_deg, ..Lamp::DEFAULT },
+                    towards_lamp: true,
+                    aperture_deg,
+                    variant,
+                    slice_mm: 1.1,
+                    ..lit(LightingMode::Slices).lighting
+                };
+                let name = format!("{with_tumor} {projection:?} {place} {lamp:?} {variant:?}");
+                shares.push((place, compare_with_full_steps(&name, &scene, lighting)));
+            }
+        }
+    }
+    println!("{shares:?}");
+    assert!(shares.iter().all(|(place, share)| *place != "afar" || *share > 10.0), "some pixels are omitted");
+}
+
+fn plan_of(scene: &ContextScene, sight: &Sight, slice_mm: f64, depths: (f64, f64)) -> SlicePlan {
     let lighting = LightSettings { slice_mm, ..LightSettings::DEFAULT };
-    SlicePlan::new(&slice_settings(&lighting), sight, Some(depths), &[depths])
+    SlicePlan::new(&slice_settings(&lighting, &scene.camera), sight, Some(depths), &[depths])
 }
 
 fn covers(rects: &[Rect], pixel: [i32; 2]) -> bool {
@@ -150,7 +184,7 @@ fn step_rects_cover_all_pixels_found_by_brute_force() {
     let depths = (100.0, 140.0);
     let mut omitted_shares = Vec::new();
     for (slice_mm, groups) in [(2.0, 128), (0.25, 128), (0.25, 7)] {
-        let plan = plan_of(&sight, slice_mm, depths);
+        let plan = plan_of(&scene, &sight, slice_mm, depths);
         let bounds =
             |low: [i32; 2], high: [i32; 2], depths_mm| ScreenBounds { rect: Rect { low, high }, depths_mm };
         let image = [bounds([5, 6], [9, 11], (104.0, 111.0)), bounds([30, 20], [33, 28], (123.0, 127.0))];

@@ -9,6 +9,7 @@ use glioscope_core::optics::{Ray, Sight, cone::through_slice, srgb};
 use rayon::prelude::*;
 
 use super::{
+    lamp::ellipse_points,
     medium_twin::Eye,
     plan::{Kernel, SlicePlan, Step, disc_points},
 };
@@ -106,6 +107,21 @@ impl Pass<'_> {
         corners.iter().fold([0.0; 2], |sum, (i, j, w)| add_weighted(sum, self.texel(x + i, y + j), *w))
     }
 
+    /// A point of the ellipse that the lamp's light comes from, pixels from the pixel itself.
+    fn towards(&self, pixel: [u32; 2], p: [f64; 2]) -> [f64; 2] {
+        let Kernel::Ellipse { scale, shift_px, axes_px: [along, across], .. } = self.step.kernel else {
+            return [0.0; 2];
+        };
+        let middle = self.sight.size.map(|s| 0.5 * f64::from(s));
+        std::array::from_fn(|a| {
+            scale * (f64::from(pixel[a]) + 0.5 - middle[a]) + shift_px[a] + p[0] * along[a] + p[1] * across[a]
+        })
+    }
+
+    fn pixel_mm(&self) -> f64 {
+        if let Kernel::Ellipse { pixel_mm, .. } = self.step.kernel { pixel_mm } else { 0.0 }
+    }
+
     /// Linear colour and extinction per millimetre halfway between two depths.
     fn material(&self, ray: &Ray, slant: f64, begin: f64, end: f64) -> (DVec3, f64) {
         let Some(volume) = self.scene.volume.as_ref().filter(|_| begin < end && !self.step.empty) else {
@@ -143,15 +159,27 @@ impl Pass<'_> {
                 (false, true) => extinction,
                 (false, false) => 0.0,
             };
-            let Kernel::Disc { grid, radius_px, radius_mm } = kernel else { return before };
+            let grid = match kernel {
+                Kernel::Disc { grid, .. } | Kernel::Ellipse { grid, .. } => grid,
+                Kernel::Lattice { .. } => return before,
+            };
             let points = disc_points(grid);
             let after = points.iter().fold([0.0; 2], |sum, p| {
-                let off2 = p[0] * p[0] + p[1] * p[1];
+                // In pixels, and in millimetres.
+                let (off, off_mm2) = match kernel {
+                    Kernel::Disc { radius_px, radius_mm, .. } => {
+                        (p.map(|c| c * radius_px), (p[0] * p[0] + p[1] * p[1]) * radius_mm * radius_mm)
+                    }
+                    _ => {
+                        let off = self.towards(pixel, *p);
+                        (off, (off[0] * off[0] + off[1] * off[1]) * self.pixel_mm().powi(2))
+                    }
+                };
                 let distance = match self.plan.variant {
-                    SliceVariant::PaperExact => (d * d + off2 * radius_mm * radius_mm).sqrt(),
+                    SliceVariant::PaperExact => (d * d + off_mm2).sqrt(),
                     _ => d,
                 };
-                let at = self.bilinear(x as f64 + 0.5 + p[0] * radius_px, y as f64 + 0.5 + p[1] * radius_px);
+                let at = self.bilinear(x as f64 + 0.5 + off[0], y as f64 + 0.5 + off[1]);
                 let through = [extinction, of_both].map(|e| (-e * distance).exp());
                 add_weighted(sum, [at[0] * through[0], at[1] * through[1]], 1.0 / points.len() as f64)
             });
@@ -162,14 +190,27 @@ impl Pass<'_> {
             }
             return [if hides && self.mutual.opaque_on_opaque { 0.0 } else { after[0] }, after[1]];
         }
-        let Kernel::Lattice { side, stride_px, center } = kernel else { return [1.0; 2] };
-        let (side, stride) = (i64::from(side), i64::from(stride_px));
-        let at = |i: i64| (2 * i - (side - 1)) * stride / 2;
-        let share = (1.0 - center) / (side * side) as f64;
-        let mut light = add_weighted([0.0; 2], self.texel(x, y), center);
-        for (i, j) in (0..side).flat_map(|j| (0..side).map(move |i| (i, j))) {
-            light = add_weighted(light, self.texel(x + at(i), y + at(j)), share);
-        }
+        let has_lamp = self.plan.lamp.is_some();
+        let mut light = match kernel {
+            Kernel::Lattice { side, stride_px, center } => {
+                let (side, stride) = (i64::from(side), i64::from(stride_px));
+                let at = |i: i64| (2 * i - (side - 1)) * stride / 2;
+                let share = (1.0 - center) / (side * side) as f64;
+                let own = add_weighted([0.0; 2], self.texel(x, y), center);
+                (0..side)
+                    .flat_map(|j| (0..side).map(move |i| (i, j)))
+                    .fold(own, |light, (i, j)| add_weighted(light, self.texel(x + at(i), y + at(j)), share))
+            }
+            Kernel::Ellipse { grid, .. } => {
+                let points = ellipse_points(grid, false);
+                points.iter().fold([0.0; 2], |light, p| {
+                    let off = self.towards(pixel, *p);
+                    let at = self.bilinear(x as f64 + 0.5 + off[0], y as f64 + 0.5 + off[1]);
+                    add_weighted(light, at, 1.0 / points.len() as f64)
+                })
+            }
+            Kernel::Disc { .. } => return [1.0; 2],
+        };
         for slice in 0..self.step.slices {
             let front = depth_mm + f64::from(slice) * d;
             let (begin, end) = (front.max(near), (front + d).min(far));
@@ -179,12 +220,17 @@ impl Pass<'_> {
             let to_ray_end = ray_end.clamp(to_opaque, end);
             let Some(decay) = &self.plan.decay else { return light };
             // Optical thickness up to the opaque surface, up to the end of the eye's ray, and of the whole slice.
-            let [in_front, visible, whole] =
-                [to_opaque, to_ray_end, end].map(|to| extinction * slant * (to - begin));
-            let (gathered, attenuated) = through_slice(decay, light[1], visible);
-            let lit = gathered * self.strength - (1.0 - self.strength) * (-visible).exp_m1();
+            let [in_front, visible, whole] = [to_opaque, to_ray_end, end]
+                .map(|to| extinction * if has_lamp { 1.0 } else { slant } * (to - begin));
+            let (mut gathered, attenuated) = through_slice(decay, light[1], visible);
+            let mut seen = visible;
+            if has_lamp {
+                seen = visible * slant;
+                gathered *= if visible > 1e-6 { (-seen).exp_m1() / (-visible).exp_m1() } else { slant };
+            }
+            let lit = gathered * self.strength - (1.0 - self.strength) * (-seen).exp_m1();
             out.eye.radiance += color * (lit * out.eye.transmittance);
-            out.eye.transmittance *= (-visible).exp();
+            out.eye.transmittance *= (-seen).exp();
             let after = through_slice(decay, light[0], whole).1;
             let hides = opaque < front + d;
             if !hides {

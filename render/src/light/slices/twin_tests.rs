@@ -7,7 +7,7 @@ use super::{plan::SlicePlan, slice_settings, twin};
 use crate::{
     ClipPlane, ContextRenderer, ContextScene,
     light::suite::{SIZE, image_of, scene, shaped, visible_depths_mm},
-    scene::{LightSettings, LightingMode, MutualOcclusion, Quality, SliceVariant},
+    scene::{Lamp, LampFrame, LightSettings, LightingMode, MutualOcclusion, Quality, SliceVariant},
     solid::{SURFACE, view::FAR},
     testing::GPU,
 };
@@ -44,7 +44,7 @@ fn twin_error(scene: &ContextScene, lighting: LightSettings) -> f64 {
     let found = drawn(scene, &quality, SIZE);
     let sight = Sight::new(&scene.camera, SIZE);
     let gpu_image = visible_depths_mm(scene, &sight);
-    let settings = slice_settings(&lighting);
+    let settings = slice_settings(&lighting, &scene.camera);
     let whole = Some((gpu_image[0].0, gpu_image.last().unwrap().1));
     let plan = SlicePlan::new(&settings, &sight, whole, &gpu_image);
     let reference_mm = scene.reference_mm();
@@ -85,8 +85,13 @@ pub(super) fn max_twin_error() -> f64 {
             scene.transfer = shaped();
         }
         for variant in [SliceVariant::PaperExact, SliceVariant::PaperApproximate, SliceVariant::Mended] {
-            for (aperture_deg, slice_grid, slice_mm) in [(50.0, 2, 0.9), (80.0, 5, 2.1)] {
-                scene.clip = if slice_grid == 5 {
+            for (aperture_deg, slice_grid, slice_mm, to_lamp) in [
+                (50.0, 2, 0.9, None),
+                (80.0, 5, 2.1, None),
+                (20.0, 2, 0.9, Some((LampFrame::Viewer, -45.0, 45.0))),
+                (40.0, 3, 2.1, Some((LampFrame::Patient, 20.0, 0.0))),
+            ] {
+                scene.clip = if slice_mm > 2.0 {
                     vec![ClipPlane { normal: DVec3::new(0.3, -0.8, 0.5), offset_mm: 5.0 }]
                 } else {
                     Vec::new()
@@ -97,11 +102,17 @@ pub(super) fn max_twin_error() -> f64 {
                     aperture_deg,
                     slice_grid,
                     slice_mm,
+                    towards_lamp: to_lamp.is_some(),
+                    lamp: to_lamp.map_or(Lamp::DEFAULT, |(frame, azimuth_deg, elevation_deg)| Lamp {
+                        frame,
+                        azimuth_deg,
+                        elevation_deg,
+                    }),
                     ..LightSettings::DEFAULT
                 };
                 let off = twin_error(&scene, lighting);
                 println!(
-                    "{two_d} {by_shapes} {with_tumor} {projection:?} {variant:?} {slice_grid}: {off:.2e}"
+                    "{two_d} {by_shapes} {with_tumor} {projection:?} {variant:?} {slice_grid} {to_lamp:?}: {off:.2e}"
                 );
                 worst = worst.max(off);
             }

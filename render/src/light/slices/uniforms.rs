@@ -40,6 +40,11 @@ pub(crate) struct Part {
     pub is_last: u32,
     pub columns: u32,
     pub pad: u32,
+    pub shift: [f32; 2],
+    pub scale: f32,
+    pub pixel_mm: f32,
+    pub along: [f32; 2],
+    pub across: [f32; 2],
     pub areas: [Area; 5],
 }
 
@@ -49,7 +54,8 @@ pub(crate) const LAYOUTS: &[crate::layouts::Layout] = &[
     crate::layouts::layout!(Slices, "Slices": slice_mm, flags, strength, pad, decay),
     crate::layouts::layout!(Area, "Area": origin, first, per_row),
     crate::layouts::layout!(
-        Part, "Part": depth, slices, side, stride, center, radius, radius_mm, share, turn, is_last, columns, pad, areas
+        Part, "Part": depth, slices, side, stride, center, radius, radius_mm, share, turn, is_last, columns, pad, shift,
+        scale, pixel_mm, along, across, areas
     ),
     crate::layouts::layout!(
         super::super::vicinity::uniforms::Vicinity,

@@ -20,7 +20,7 @@ use crate::{
             twin,
         },
     },
-    scene::{LightSettings, LightingMode, MutualOcclusion, Quality, SliceVariant},
+    scene::{Lamp, LightSettings, LightingMode, MutualOcclusion, Quality, SliceVariant},
     solid::{
         SURFACE,
         view::{FAR, HAS_OCCLUSION, LINEAR_LIGHT},
@@ -339,6 +339,12 @@ fn setting_rows() -> Vec<(Row, &'static str, &'static str)> {
     let step = |cone_step| LightSettings { cone_step, coarsest_level: 0, ..lit };
     let samples = |vicinity_samples| LightSettings { vicinity_samples, ..lit };
     let vicinity = |vicinity_mm| LightSettings { vicinity_mm, ..lit };
+    let lamp = |azimuth_deg, elevation_deg, aperture_deg| LightSettings {
+        lamp: Lamp { azimuth_deg, elevation_deg, ..Lamp::DEFAULT },
+        towards_lamp: true,
+        aperture_deg,
+        ..lit
+    };
     vec![
         (of("aperture 0", aperture(0.0)), "", ""),
         (of("aperture 85", aperture(85.0)), "", ""),
@@ -383,6 +389,15 @@ fn setting_rows() -> Vec<(Row, &'static str, &'static str)> {
         (of("vicinity of infinite mm", vicinity(f64::INFINITY)), "", ""),
         (of("vicinity of 0 mm", vicinity(0.0)), "", ""),
         (of("vicinity of 1e300 mm", vicinity(1e300)), "", ""),
+        (of("lamp aside", lamp(-45.0, 45.0, 20.0)), "", ""),
+        (of("lamp NaN, infinite", lamp(f64::NAN, f64::INFINITY, 20.0)), "", ""),
+        (of("lamp beside", lamp(90.0, 0.0, 5.0)), "lamp 90 degrees from the line of sight: 75 is used", ""),
+        (
+            of("lamp right behind", lamp(180.0, 0.0, 5.0)),
+            "lamp 180 degrees from the line of sight: 75 is used",
+            "",
+        ),
+        (of("lamp aside, wide", lamp(0.0, 60.0, 60.0)), "aperture 60 degrees: 25 is used", ""),
     ]
 }
 
@@ -515,8 +530,14 @@ fn thousands_of_slices() {
         assert!((opacity - few).abs() < 0.003, "{name}: {opacity} {few}");
         for variant in [SliceVariant::PaperExact, SliceVariant::PaperApproximate] {
             let sight = Sight::new(&with.camera, [3, 3]);
-            let settings =
-                SliceSettings { variant, aperture_deg: 60.0, grid: 5, slice_mm, reference_mm: 5.0 };
+            let settings = SliceSettings {
+                variant,
+                aperture_deg: 60.0,
+                grid: 5,
+                slice_mm,
+                reference_mm: 5.0,
+                lamp: None,
+            };
             let depths = visible_depths_mm(&with, &sight);
             let whole = depths.first().zip(depths.last()).map(|(first, last)| (first.0, last.1));
             let plan = SlicePlan::new(&settings, &sight, whole, &depths);

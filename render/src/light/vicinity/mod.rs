@@ -10,7 +10,7 @@ pub(crate) mod uniforms;
 use glioscope_core::optics::{cone::clamped_aperture, poisson::poisson_disc};
 
 use super::{
-    layers::LayerLight,
+    layers::{LayerLight, no_lamp_shadow},
     lit::{LitScene, is_off, no_strength},
 };
 use crate::{
@@ -33,7 +33,10 @@ pub(crate) const TUBE_SHADOWS: PassName = PassName::new("tube_shadows");
 pub(crate) fn no_tube_shadows(quality: &Quality, no_opaque: Option<&'static str>) -> Option<&'static str> {
     let light = &quality.lighting;
     let by_vicinity = light.mutual.opaque_on_opaque && !is_off(radius_mm(light));
-    no_opaque.or(no_strength(quality)).or((!by_vicinity).then_some("nothing darkens opaque surfaces"))
+    no_opaque
+        .or(no_strength(quality))
+        .or(no_lamp_shadow(light))
+        .or((!by_vicinity).then_some("nothing darkens opaque surfaces"))
 }
 
 /// Why [`VICINITY`] is omitted, see [`super::omission_reason`].

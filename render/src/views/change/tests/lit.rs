@@ -193,7 +193,7 @@ fn slices_beside_arrows_match_their_twin() {
                 LightSettings { mode: LightingMode::Slices, variant, mutual, ..LightSettings::DEFAULT };
             let quality = Quality { lighting, ..Quality::FULL };
             found(&mut bench, &s, &quality, change_plan(&s, &quality));
-            let settings = slices::slice_settings(&lighting);
+            let settings = slices::slice_settings(&lighting, &s.camera);
             let occupied = visible_depths_mm(&around, &sight);
             let whole = Some((occupied[0].0, occupied.last().unwrap().1));
             let plan = SlicePlan::new(&settings, &sight, whole, &occupied);

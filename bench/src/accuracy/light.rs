@@ -130,7 +130,9 @@ fn off_path(mode: LightingMode, effort: Effort) -> Vec<(String, Quality)> {
             | LightingMode::ShadowVolume
             | LightingMode::SphericalHarmonics
             | LightingMode::DynamicAmbient
-            | LightingMode::PathTraced => {}
+            | LightingMode::PathTraced
+            | LightingMode::DepthDarkening
+            | LightingMode::VicinityMap => {}
             LightingMode::Slices => {
                 for mm in [4.0, 2.0, 1.4, 1.0, 0.7, 0.5] {
                     add(base, format!("pixels {scale}, {mm} mm"), &|l| l.slice_mm = mm);
@@ -158,7 +160,9 @@ fn off_path(mode: LightingMode, effort: Effort) -> Vec<(String, Quality)> {
             | LightingMode::ShadowVolume
             | LightingMode::SphericalHarmonics
             | LightingMode::DynamicAmbient
-            | LightingMode::PathTraced => {}
+            | LightingMode::PathTraced
+            | LightingMode::DepthDarkening
+            | LightingMode::VicinityMap => {}
             LightingMode::Slices => {
                 for grid in [3, 5] {
                     add(base, format!("{name}, footprint {grid}x{grid}"), &|l| l.slice_grid = grid);

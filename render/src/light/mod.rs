@@ -19,6 +19,7 @@ pub(crate) mod shadow_volume;
 pub(crate) mod slices;
 #[cfg(test)]
 pub(crate) mod suite;
+pub(crate) mod summed;
 pub(crate) mod traced;
 pub(crate) mod vicinity;
 pub(crate) mod volume;
@@ -47,6 +48,8 @@ pub const LIGHTS: [LightRow; LightingMode::VARIANTS.len()] = [
     harmonics::ROW,
     dynamic_ambient::ROW,
     paths::ROW,
+    summed::DEPTH_DARKENING,
+    summed::VICINITY_MAP,
 ];
 
 const _: () = {

@@ -50,6 +50,10 @@ keywords! {
         DynamicAmbient,
         /// Paths of light by Monte Carlo: a sky, a lamp, many scatterings. For explaining, not for reading.
         PathTraced,
+        /// The headlight, and darkness behind the mean depth of the surroundings.
+        DepthDarkening,
+        /// The headlight, and darkness behind the mean depths of squares of several sizes.
+        VicinityMap,
     }
 }
 

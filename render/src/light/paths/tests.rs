@@ -14,7 +14,7 @@ use crate::{
     image::{ControlPoint, TransferFunction},
     light::suite::{cubic, image_of, scene},
     scene::{Lamp, LampFrame, LightSettings, LightingMode, MaskColors, Palette, PathSettings, Quality},
-    testing::{GPU, blobs, noise, scene_of, volume},
+    testing::{GPU, noise, scene_of, volume},
 };
 
 pub(super) fn lit(paths: PathSettings) -> Quality {
@@ -178,44 +178,4 @@ fn paths_end_at_a_standard_error_of_a_hundredth() {
     println!("{most} paths, {said:?}");
     assert!(most < 2000.0 && (0.003..0.012).contains(&said.tissue.unwrap()), "{most} {said:?}");
     assert_eq!(said.surfaces, None);
-}
-
-/// Scratch: pictures and times, written to /tmp.
-#[test]
-fn zz_scratch_pictures() {
-    let Ok(folder) = std::env::var("H1_PICTURES") else { return };
-    for (name, scene, most, dark) in [
-        ("mask", scene(false, true, Projection::Perspective), 64, false),
-        ("two_d", scene(true, true, Projection::Perspective), 64, true),
-    ] {
-        let scene = ContextScene { background: if dark { [24; 3] } else { [255; 3] }, ..scene };
-        for mode in [LightingMode::PathTraced, LightingMode::Cones] {
-            let mut quality = lit(PathSettings { most, ..PathSettings::DEFAULT });
-            quality.lighting.mode = mode;
-            let size = [360, 300];
-            let mut renderer = ContextRenderer::new(&GPU).unwrap();
-            let begin = std::time::Instant::now();
-            let rgba = renderer.render(&GPU, &scene, &quality, size).unwrap().read_rgba(&GPU).unwrap();
-            println!("{name} {mode:?}: {:?}, {:?}", begin.elapsed(), renderer.standard_error(&GPU).unwrap());
-            std::fs::write(format!("{folder}/{name}-{}.rgba", mode.name()), &rgba).unwrap();
-        }
-    }
-    let scene = scene_of(blobs(48, DVec3::ONE), 3, None);
-    for (name, paths) in [
-        ("closeup", PathSettings { most: 64, ..PathSettings::DEFAULT }),
-        ("closeup-sky", PathSettings { most: 64, ..SKY }),
-    ] {
-        let mut renderer = CloseupRenderer::new(&GPU).unwrap();
-        let begin = std::time::Instant::now();
-        let rgba = renderer.render(&GPU, &scene, &lit(paths), [360, 300]).unwrap().read_rgba(&GPU).unwrap();
-        println!("{name}: {:?}, {:?}", begin.elapsed(), renderer.standard_error(&GPU).unwrap());
-        std::fs::write(format!("{folder}/{name}.rgba"), &rgba).unwrap();
-    }
-}
-
-#[test]
-fn zz_scratch_twin() {
-    if std::env::var("H1_PICTURES").is_ok() {
-        println!("twin: {:.2e}", super::twin_tests::max_twin_error());
-    }
 }

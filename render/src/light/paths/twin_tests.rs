@@ -19,7 +19,7 @@ use crate::{
     light::{
         half_angle::plan::turned,
         horizon::twin::{Surface, worst_byte},
-        suite::scene,
+        suite::{SIZE, scene},
     },
     scene::{Lamp, PathSettings, Quality},
     solid::{SURFACE, view::FAR},
@@ -147,7 +147,7 @@ pub(super) fn max_twin_error() -> f64 {
     for (scene, paths) in
         [(&with_mask, PATHS), (&flat, PathSettings { bounces: 1, anisotropy: -0.3, ..PATHS })]
     {
-        let (off, compared, shown) = image_error(scene, [30, 24], paths);
+        let (off, compared, shown) = image_error(scene, SIZE, paths);
         assert!(shown > 200 && compared * 10 > shown * 6, "{compared} of {shown}");
         worst = worst.max(off);
     }

@@ -109,6 +109,25 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_displacement_says_what_it_explains_and_how_sure_it_is() {
+        let found = |explains| DisplacementReport {
+            length_mm: 3.06,
+            by_mm: [3.06, 0.0, 0.0],
+            uncertainty_mm: 1.0,
+            volume_uncertainty_ml: 0.2,
+            grew_share: 0.0,
+            shrank_share: 0.0,
+            left_mm: 0.0,
+            explains,
+        };
+        let text = |explains| displacement(&found(explains));
+        assert_eq!(text(Explains::All).unwrap(), "displaced by 3.1 mm (± 1.0 mm), not grown");
+        assert_eq!(text(Explains::AllButGrowth).unwrap(), "displaced by 3.1 mm (± 1.0 mm) and grown");
+        assert_eq!(text(Explains::AllButShrinkage).unwrap(), "displaced by 3.1 mm (± 1.0 mm) and shrunk");
+        assert_eq!(text(Explains::Little), None);
+    }
+
+    #[test]
     fn digits_depend_on_magnitude() {
         assert_eq!(ml(0.0), "0.0 ml");
         assert_eq!(ml(12.345), "12.35 ml");

@@ -478,7 +478,8 @@ impl Content<'_> {
                 Explains::AllButShrinkage => "displaced-and-shrunk",
                 Explains::Little => return None,
             };
-            let volume = words.ml(group.to.iter().map(|part| part.volume_ml).sum());
+            let volume_ml: f64 = group.to.iter().map(|part| part.volume_ml).sum();
+            let volume = words.ml(volume_ml);
             let (by, uncertainty) = (words.mm(Some(found.length_mm)), words.mm(Some(found.uncertainty_mm)));
             let between = format!("{} \u{2192} {}", change.from, change.to);
             let mask = self.name(&change.mask);

@@ -483,8 +483,8 @@ fn displaced_lines(report: &ChangeReport) -> Vec<String> {
     let counted = report.components.iter().filter(|group| !group.small).count();
     let of = |group: &GroupReport| {
         let text = format::displacement(group.displacement.as_ref()?)?;
-        let volume = group.to.iter().map(|part| part.volume_ml).sum();
-        Some(if counted > 1 { format!("{} component {text}", format::ml(volume)) } else { text })
+        let volume_ml: f64 = group.to.iter().map(|part| part.volume_ml).sum();
+        Some(if counted > 1 { format!("{} component {text}", format::ml(volume_ml)) } else { text })
     };
     let mut lines: Vec<String> = report.components.iter().filter_map(of).collect();
     if lines.len() > MOST_DISPLACED {

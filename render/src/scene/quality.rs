@@ -311,7 +311,7 @@ impl LightSettings {
         sky_order: 3,
         sky_directions: 64,
         sky_share: 0.25,
-        clusters: 256,
+        clusters: 128,
         paths: PathSettings::DEFAULT,
         mutual: MutualOcclusion::ALL,
     };

@@ -10,7 +10,7 @@
 #include lib/solid_light
 #include lib/lifted
 
-struct Rays {
+struct SkyRays {
     count: u32,
     begins: u32,                         // whether this is the first dispatch
     ends: u32,                           // whether it is the last one
@@ -20,7 +20,7 @@ struct Rays {
 
 @group(0) @binding(7) var<storage, read_write> lamp_light: array<f32>;
 @group(0) @binding(37) var<storage, read> light_grid: array<vec2<f32>>;
-@group(0) @binding(39) var<uniform> rays: Rays;
+@group(0) @binding(39) var<uniform> rays: SkyRays;
 
 override past_masks: bool = false;
 

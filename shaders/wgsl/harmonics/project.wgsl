@@ -7,22 +7,26 @@
 #include lib/image
 #include lib/cones
 #include lib/image_cones
-#include lib/first_shown
 #include lib/light_grid
 #include lib/light_cell
 
-struct Part {
+struct ProjectPart {
     first: u32,                     // index in `needed`
     direction: u32,                 // the first of this dispatch
     directions: u32,
     functions: u32,
 }
 
+struct Basis {
+    values: array<vec4<f32>, 1152>, // of each direction, times its solid angle
+}
+
 @group(0) @binding(30) var<storage, read> needed: array<u32>;     // numbers of the cells
-@group(0) @binding(33) var<storage, read> basis: array<f32>;      // of each direction, times its solid angle
+@group(0) @binding(33) var<storage, read> open: array<u32>;       // bits of directions past the masks, see harmonics/open
 @group(0) @binding(34) var<storage, read_write> projected: array<f32>;  // of each needed cell: past the image, then past masks too
 @group(0) @binding(37) var<storage, read> light_grid: array<vec2<f32>>;
-@group(0) @binding(39) var<uniform> part: Part;
+@group(0) @binding(36) var<uniform> basis: Basis;
+@group(0) @binding(39) var<uniform> part: ProjectPart;
 
 override with_masks: bool = false;
 
@@ -30,12 +34,8 @@ fn is_hidden(c: vec3<f32>) -> bool {
     return false;
 }
 
-// Whether the masks let light from direction `w` through.
-fn is_open(c: vec3<f32>, w: vec3<f32>) -> bool {
-    let o = view.corner + c.x * view.right + c.y * view.up + c.z * view.forward;
-    let ray = ray_from(o, w.x * view.right + w.y * view.up + w.z * view.forward);
-    let to_eye = select(FAR, (view.nearest_mm - c.z) / select(-1.0, w.z, w.z < 0.0), w.z < 0.0);
-    return first_shown(ray, 0.0, to_eye, false) >= FAR;
+fn basis_at(number: u32) -> f32 {
+    return basis.values[number / 4u][number % 4u];
 }
 
 @compute @workgroup_size(64)
@@ -58,12 +58,14 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         let seen = sub_cone(c, w).x;
         let values = (part.direction + i) * part.functions;
         for (var k = 0u; k < varied(part.functions); k++) {
-            projected[start + k] += seen * basis[values + k];
+            projected[start + k] += seen * basis_at(values + k);
         }
         if with_masks {
-            let past = select(0.0, seen, is_open(c, w));
+            let direction = part.direction + i;
+            let word = open[number * 4u + direction / 32u];
+            let past = select(0.0, seen, ((word >> (direction % 32u)) & 1u) != 0u);
             for (var k = 0u; k < varied(part.functions); k++) {
-                projected[start + part.functions + k] += past * basis[values + k];
+                projected[start + part.functions + k] += past * basis_at(values + k);
             }
         }
     }

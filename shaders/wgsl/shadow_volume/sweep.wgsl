@@ -16,16 +16,16 @@ struct Slice {
     strides: vec2<u32>,             // from cell to cell
     start: u32,                     // number of the first cell
     before: u32,                    // of the slice before; NONE at the first slice
-    weight: f32,                    // share of this sweep
     samples: u32,                   // of the image on the way
-    begins: u32,                    // whether this is the first sweep
-    unused: u32,
+    unused_a: u32,
+    unused_b: u32,
+    unused_c: u32,
 }
 
 const NONE = 0xffffffffu;
 
 @group(0) @binding(32) var<uniform> slice: Slice;
-@group(0) @binding(33) var<storage, read_write> carried: array<f32>;           // of this sweep
+@group(0) @binding(33) var<storage, read_write> carried: array<f32>;           // so far
 @group(0) @binding(34) var<storage, read> open: array<f32>;                    // past the masks
 @group(0) @binding(37) var<storage, read_write> light_grid: array<vec2<f32>>;  // past the image; past image and masks
 
@@ -64,11 +64,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let left = arrives * exp(-extinction * each);
     carried[cell] = left;
-    let others = select(light_grid[cell].x, 0.0, slice.begins != 0u);
-    let light = others + slice.weight * left;
     if with_masks {
-        light_grid[cell] = light * vec2<f32>(1.0, open[cell]);
+        light_grid[cell] = left * vec2<f32>(1.0, open[cell]);
     } else {
-        light_grid[cell] = vec2<f32>(light);
+        light_grid[cell] = vec2<f32>(left);
     }
 }

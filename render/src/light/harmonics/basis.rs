@@ -140,11 +140,13 @@ mod tests {
     #[test]
     fn the_sky_is_its_projection() {
         let towards = DVec3::new(0.36, -0.48, 0.8);
-        for (half_angle_deg, everywhere) in [(60.0, 0.0), (25.0, 0.3), (180.0, 0.0), (80.0, 1.0)] {
-            let area = TAU * (1.0 - f64::to_radians(half_angle_deg).cos());
+        // Caps that end between two bands.
+        for (cos, everywhere) in [(0.5f64, 0.0), (0.9, 0.3), (-1.0, 0.0), (0.2, 1.0)] {
+            let half_angle_deg = cos.acos().to_degrees();
+            let area = TAU * (1.0 - cos);
             // About the axis that the integral is exact around.
             let radiance = |d: DVec3| {
-                let lit = f64::from(u8::from(d.z > f64::to_radians(half_angle_deg).cos()));
+                let lit = f64::from(u8::from(d.z > cos));
                 (1.0 - everywhere) * lit / area + everywhere / (4.0 * PI)
             };
             let projected = integral(|d| values(ORDER, d).iter().map(|y| y * radiance(d)).collect());

@@ -21,7 +21,7 @@ use glioscope_core::{
 
 use self::{
     basis::{count, sky, spread, values},
-    uniforms::{Part, Rays, Sky},
+    uniforms::{Basis, Directions, MOST_DIRECTIONS, ProjectPart, Sky, SkyRays},
 };
 use super::{
     cones::{
@@ -46,6 +46,8 @@ use crate::{
     solid::view::{HAS_OCCLUSION, LINEAR_LIGHT},
 };
 
+/// In which directions the masks let light through to the image's cells.
+pub(crate) const PAST_MASKS: PassName = PassName::new("sky_past_masks");
 /// How visible the surroundings of the image's cells are.
 pub(crate) const PROJECT: PassName = PassName::new("visibility");
 /// The light of the cells.
@@ -66,11 +68,12 @@ pub(super) const ROW: LightRow = LightRow {
     most_cost: 8.0,
     first_cost: 0.02,
     passes: |kind| match kind {
-        LitKind::Image => &[PROJECT, SKY, SKY_ON_OPAQUE],
+        LitKind::Image => &[PAST_MASKS, PROJECT, SKY, SKY_ON_OPAQUE],
         LitKind::Masks | LitKind::Depths => &[SKY, SKY_ON_OPAQUE],
     },
     omission_reason: |pass, quality, no_opaque, no_image| match pass {
         PROJECT | SKY => no_image,
+        PAST_MASKS => no_image.or(no_opaque),
         SKY_ON_OPAQUE => no_opaque.or(no_strength(quality)),
         _ => None,
     },
@@ -226,10 +229,14 @@ struct Projection {
 /// The passes on the device.
 struct HarmonicLight {
     layout: wgpu::BindGroupLayout,
+    open_layout: wgpu::BindGroupLayout,
     opaque_layout: wgpu::BindGroupLayout,
     pipelines: Vec<((Dimensions, bool), wgpu::ComputePipeline)>,
+    open_pipeline: Option<wgpu::ComputePipeline>,
     opaque_pipelines: Vec<([bool; 2], wgpu::ComputePipeline)>,
     cones: wgpu::Buffer,
+    directions: wgpu::Buffer,
+    basis: wgpu::Buffer,
     sky: wgpu::Buffer,
     placeholder: wgpu::Buffer,
     cells: CellLight,
@@ -250,7 +257,7 @@ impl Light for HarmonicLight {
         self.work = None;
         match scene.image.filter(|_| plan.has(SKY)) {
             Some(image) => {
-                self.bind_projection(gpu, passes, scene, &image, &settings)?;
+                self.bind_projection(gpu, passes, plan, scene, &image, &settings)?;
                 self.bind_sky(gpu, passes, &settings, towards)?;
             }
             None => {
@@ -281,11 +288,9 @@ impl Light for HarmonicLight {
 impl HarmonicLight {
     fn new(gpu: &Gpu) -> Self {
         use BindingKind::{Read, Uniform, UniformAtOffset, Write};
+        let part = UniformAtOffset(size_of::<ProjectPart>() as u64);
         let kinds = [
             (0, Uniform),
-            (1, Read),
-            (2, Read),
-            (3, Read),
             (11, Uniform),
             (12, Read),
             (13, Read),
@@ -296,8 +301,20 @@ impl HarmonicLight {
             (30, Read),
             (33, Read),
             (34, Write),
+            (36, Uniform),
             (38, Uniform),
-            (39, UniformAtOffset(size_of::<Part>() as u64)),
+            (39, part),
+        ];
+        let of_open = [
+            (0, Uniform),
+            (1, Read),
+            (2, Read),
+            (3, Read),
+            (30, Read),
+            (34, Write),
+            (36, Uniform),
+            (38, Uniform),
+            (39, part),
         ];
         let of_opaque = [
             (0, Uniform),
@@ -309,15 +326,19 @@ impl HarmonicLight {
             (8, Write),
             (37, Read),
             (38, Uniform),
-            (39, UniformAtOffset(size_of::<Rays>() as u64)),
+            (39, UniformAtOffset(size_of::<SkyRays>() as u64)),
             (40, Write),
         ];
         Self {
             layout: bind_group_layout(gpu, "HarmonicLight::layout", &kinds),
+            open_layout: bind_group_layout(gpu, "HarmonicLight::open_layout", &of_open),
             opaque_layout: bind_group_layout(gpu, "HarmonicLight::opaque_layout", &of_opaque),
             pipelines: Vec::new(),
+            open_pipeline: None,
             opaque_pipelines: Vec::new(),
             cones: gpu.uniform::<Cones>("HarmonicLight::cones"),
+            directions: gpu.uniform::<Directions>("HarmonicLight::directions"),
+            basis: gpu.uniform::<Basis>("HarmonicLight::basis"),
             sky: gpu.uniform::<Sky>("HarmonicLight::sky"),
             placeholder: gpu.buffer("HarmonicLight::placeholder", 16, WRITTEN),
             cells: CellLight::new(gpu),
@@ -334,6 +355,7 @@ impl HarmonicLight {
         &mut self,
         gpu: &Gpu,
         passes: &mut PassRunner,
+        plan: &Plan,
         scene: &LitScene<'_>,
         image: &LitImage<'_>,
         settings: &Clamped,
@@ -378,7 +400,8 @@ impl HarmonicLight {
         };
         let needed_count = needed.len() as u32;
         let listed = if needed.is_empty() { vec![0] } else { needed };
-        let with_masks = scene.bricks.is_some() && scene.opaque != Opaque::Nowhere;
+        let bricks = scene.bricks.filter(|_| plan.has(PAST_MASKS) && scene.opaque != Opaque::Nowhere);
+        let with_masks = bricks.is_some();
         let sets = if with_masks { 2 } else { 1 };
         let functions = count(settings.order);
         let bytes = 4 * listed.len() as u64 * u64::from(sets) * functions as u64;
@@ -394,7 +417,12 @@ impl HarmonicLight {
         };
         self.cells.write(gpu, scene, image, needed_count);
         let directions = spread(settings.directions, 180.0);
-        let in_view = directions.iter().map(|d| turned(scene.camera, *d));
+        let in_view: Vec<DVec3> = directions.iter().map(|d| turned(scene.camera, *d)).collect();
+        let mut axes = [[0.0; 4]; MOST_DIRECTIONS];
+        for (to, direction) in axes.iter_mut().zip(&in_view) {
+            *to = direction.as_vec3().extend(0.0).to_array();
+        }
+        gpu.queue.write_buffer(&self.directions, 0, bytemuck::bytes_of(&Directions { axes }));
         let (cones, _) = held.medium.along(
             scene.camera,
             scene.reference_mm,
@@ -404,28 +432,51 @@ impl HarmonicLight {
         gpu.queue.write_buffer(&self.cones, 0, bytemuck::bytes_of(&cones));
         // Times the solid angle of each.
         let each = 4.0 * std::f64::consts::PI / f64::from(settings.directions);
-        let basis: Vec<f32> = (directions.iter())
-            .flat_map(|d| values(settings.order, *d))
-            .map(|value| (value * each) as f32)
-            .collect();
-        let basis = gpu.storage("HarmonicLight::basis", bytemuck::cast_slice(&basis));
+        let mut basis: Basis = bytemuck::Zeroable::zeroed();
+        let of_directions = directions.iter().flat_map(|d| values(settings.order, *d));
+        for (to, value) in basis.values.iter_mut().flatten().zip(of_directions) {
+            *to = (value * each) as f32;
+        }
+        gpu.queue.write_buffer(&self.basis, 0, bytemuck::bytes_of(&basis));
         let (uniforms, steps) = project_steps(needed_count, settings, functions as u32, gpu.is_software());
         let parts = gpu.buffer_with("HarmonicLight::parts", &uniforms, wgpu::BufferUsages::UNIFORM);
+        let part = || at_offset(&parts, size_of::<ProjectPart>() as u64);
+        let open = bricks.map(|_| {
+            // Four words hold all directions.
+            gpu.buffer("HarmonicLight::open", 16 * listed.len() as u64, WRITTEN)
+        });
+        if let (Some(open), Some([bricks, words]), Some([_, grid])) = (&open, bricks, self.cells.buffers()) {
+            let pipeline = match self.open_pipeline.take() {
+                Some(known) => known,
+                None => compute_pipeline(gpu, "harmonics/open", Some(&self.open_layout), &[])?,
+            };
+            self.open_pipeline = Some(pipeline.clone());
+            let entries = [
+                (0, scene.view.as_entire_binding()),
+                (1, bricks.as_entire_binding()),
+                (2, words.as_entire_binding()),
+                (3, scene.colors.as_entire_binding()),
+                (30, held.needed.as_entire_binding()),
+                (34, open.as_entire_binding()),
+                (36, self.directions.as_entire_binding()),
+                (38, grid.as_entire_binding()),
+                (39, part()),
+            ];
+            let steps = (vec![pipeline], steps.clone());
+            passes.bind_steps(gpu, PAST_MASKS, &self.open_layout, &entries, steps);
+        }
         let pipeline = self.pipeline(gpu, (image.buffers.tables().dimensions, with_masks))?;
-        let [bricks, words] = scene.bricks.unwrap_or([&self.placeholder; 2]);
         let Some([_, grid]) = self.cells.buffers() else { return Ok(()) };
         let entries = [
             (0, scene.view.as_entire_binding()),
-            (1, bricks.as_entire_binding()),
-            (2, words.as_entire_binding()),
-            (3, scene.colors.as_entire_binding()),
             (26, self.cones.as_entire_binding()),
             (27, held.medium.cells.as_entire_binding()),
             (30, held.needed.as_entire_binding()),
-            (33, basis.as_entire_binding()),
+            (33, open.as_ref().unwrap_or(&self.placeholder).as_entire_binding()),
             (34, held.projected.as_entire_binding()),
+            (36, self.basis.as_entire_binding()),
             (38, grid.as_entire_binding()),
-            (39, at_offset(&parts, size_of::<Part>() as u64)),
+            (39, part()),
         ];
         let entries = [&entries[..], &image.entries()].concat();
         passes.bind_steps(gpu, PROJECT, &self.layout, &entries, (vec![pipeline], steps));
@@ -483,11 +534,11 @@ impl HarmonicLight {
         let chunks = rays.chunks(RAYS_PER_STEP);
         let count = chunks.len();
         for (n, chunk) in chunks.enumerate() {
-            let mut uniform = Rays {
+            let mut uniform = SkyRays {
                 count: chunk.len() as u32,
                 begins: u32::from(n == 0),
                 ends: u32::from(n + 1 == count),
-                ..Rays::default()
+                ..SkyRays::default()
             };
             for (to, (direction, share)) in uniform.towards.iter_mut().zip(chunk) {
                 *to = turned(scene.camera, *direction).as_vec3().extend(*share as f32).to_array();
@@ -510,7 +561,7 @@ impl HarmonicLight {
             (8, scene.blurred.as_entire_binding()),
             (37, light.as_entire_binding()),
             (38, self.cells.uniform().as_entire_binding()),
-            (39, at_offset(&parts, size_of::<Rays>() as u64)),
+            (39, at_offset(&parts, size_of::<SkyRays>() as u64)),
             (40, scene.normals.as_entire_binding()),
         ];
         passes.bind_steps(gpu, SKY_ON_OPAQUE, &self.opaque_layout, &entries, (vec![pipeline], steps));
@@ -562,7 +613,7 @@ fn project_steps(
         for step in &of_cells {
             let first = parts.get(step.offset as usize..).and_then(|part| part.first_chunk());
             let first = first.map_or(0, |bytes| u32::from_ne_bytes(*bytes));
-            let part = Part { first, direction, directions, functions };
+            let part = ProjectPart { first, direction, directions, functions };
             steps.push(Dispatch { offset: uniforms.len() as u32, ..*step });
             uniforms.extend_from_slice(bytemuck::bytes_of(&part));
             uniforms.resize(steps.len() * STRIDE, 0);

@@ -2,10 +2,10 @@
 
 use bytemuck::{Pod, Zeroable};
 
-/// `Part` of harmonics/project.
+/// `ProjectPart` of harmonics/project and harmonics/open.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub(crate) struct Part {
+pub(crate) struct ProjectPart {
     pub first: u32,
     pub direction: u32,
     pub directions: u32,
@@ -23,10 +23,28 @@ pub(crate) struct Sky {
     pub factors: [[f32; 4]; 9],
 }
 
-/// `Rays` of harmonics/opaque.
+/// Directions in the open pass, and values of functions in the projection.
+pub(crate) const MOST_DIRECTIONS: usize = 128;
+const MOST_FUNCTIONS: usize = 36;
+
+/// `Directions` of harmonics/open.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub(crate) struct Directions {
+    pub axes: [[f32; 4]; MOST_DIRECTIONS],
+}
+
+/// `Basis` of harmonics/project.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub(crate) struct Basis {
+    pub values: [[f32; 4]; MOST_DIRECTIONS * MOST_FUNCTIONS / 4],
+}
+
+/// `SkyRays` of harmonics/opaque.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub(crate) struct Rays {
+pub(crate) struct SkyRays {
     pub count: u32,
     pub begins: u32,
     pub ends: u32,
@@ -37,7 +55,9 @@ pub(crate) struct Rays {
 /// For the test of layouts.
 #[cfg(test)]
 pub(crate) const LAYOUTS: &[crate::layouts::Layout] = &[
-    crate::layouts::layout!(Part, "Part": first, direction, directions, functions),
+    crate::layouts::layout!(ProjectPart, "ProjectPart": first, direction, directions, functions),
+    crate::layouts::layout!(Directions, "Directions": axes),
+    crate::layouts::layout!(Basis, "Basis": values),
     crate::layouts::layout!(Sky, "Sky": functions, sets, unused_a, unused_b, factors),
-    crate::layouts::layout!(Rays, "Rays": count, begins, ends, unused, towards),
+    crate::layouts::layout!(SkyRays, "SkyRays": count, begins, ends, unused, towards),
 ];

@@ -2,8 +2,8 @@
 //! cells of the image, slice by slice along the axis that it follows most; the ray march looks the cells up. Opaque geometry has
 //! a ray for each pixel, as with half-angle slicing.
 //!
-//! Where light is between two axes, the published scheme changes its axis at once, and the picture jumps. Here both are swept near
-//! that direction and mixed: a frame depends on its scene alone and changes gradually.
+//! The published scheme changes its axis where light is as near to two faces' normals, and the picture jumps. Here it is where light
+//! crosses as many cells along both: there both sweeps are one and the same, so that nothing jumps or has to be mixed.
 //!
 //! Lifetimes: pipelines are created when first needed; 12 bytes per cell (16 with masks) once per image and cell size; the
 //! uniforms of the slices once per frame. Everything is computed for each frame: what is in the image depends on the camera, as
@@ -21,7 +21,7 @@ pub(crate) mod uniforms;
 use glam::DVec3;
 
 use self::{
-    plan::{Sweep, sweeps},
+    plan::{Sweep, sweep},
     uniforms::Slice,
 };
 use super::{
@@ -279,30 +279,28 @@ impl ShadowVolumeLight {
         let with_masks = plan.has(OPEN) && self.open.is_some();
         let pipeline = self.pipeline(gpu, (image.buffers.tables().dimensions, with_masks))?;
         let (mut uniforms, mut steps) = (Vec::new(), Vec::new());
-        let mut work = LightWork::default();
-        let towards = turned(scene.camera, light).as_vec3().to_array();
-        for (n, sweep) in sweeps(grid, &cells, light).into_iter().enumerate() {
-            let common = Slice {
-                light: towards,
-                samples: sweep.samples(grid),
-                begins: u32::from(n == 0),
-                ..of_sweep(&cells, &sweep)
-            };
-            let [x, y] = common.size.map(|s| s.div_ceil(8));
-            let stride = number_strides(&cells)[sweep.axis];
-            let mut before = NONE;
-            for slice in sweep.slices(&cells) {
-                let start = slice as u32 * stride;
-                steps.push(Dispatch { pipeline: 0, offset: uniforms.len() as u32, workgroups: [x, y, 1] });
-                uniforms.extend_from_slice(bytemuck::bytes_of(&Slice { start, before, ..common }));
-                uniforms.resize(steps.len() * STRIDE, 0);
-                before = start;
-                work.slices += 1;
-            }
-            work.samples += cells.count() as u64 * u64::from(common.samples);
-            // Carried light and the result, each read and written.
-            work.bytes += 24 * cells.count() as u64;
+        let sweep = sweep(grid, &cells, light);
+        let common = Slice {
+            light: turned(scene.camera, light).as_vec3().to_array(),
+            samples: sweep.samples(grid),
+            ..of_sweep(&cells, &sweep)
+        };
+        let [x, y] = common.size.map(|s| s.div_ceil(8));
+        let stride = number_strides(&cells)[sweep.axis];
+        let mut before = NONE;
+        for slice in sweep.slices(&cells) {
+            let start = slice as u32 * stride;
+            steps.push(Dispatch { pipeline: 0, offset: uniforms.len() as u32, workgroups: [x, y, 1] });
+            uniforms.extend_from_slice(bytemuck::bytes_of(&Slice { start, before, ..common }));
+            uniforms.resize(steps.len() * STRIDE, 0);
+            before = start;
         }
+        let work = LightWork {
+            slices: steps.len() as u32,
+            samples: cells.count() as u64 * u64::from(common.samples),
+            // Carried light read and written, the result written.
+            bytes: 16 * cells.count() as u64,
+        };
         self.work = Some(work);
         let slices = gpu.buffer_with("ShadowVolumeLight::slices", &uniforms, wgpu::BufferUsages::UNIFORM);
         let (Some((carried, _)), Some(of_grid)) = (&self.carried, self.cells.entries()) else {
@@ -352,7 +350,6 @@ fn of_sweep(cells: &Cells, sweep: &Sweep) -> Slice {
         shift: across.map(|a| sweep.shift[a] as f32),
         size: across.map(|a| cells.dims[a] as u32),
         strides: across.map(|a| number_strides(cells)[a]),
-        weight: sweep.weight as f32,
         ..Slice::default()
     }
 }

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use glioscope_core::optics::{Projection, Sight, voxels::OpaqueVoxels};
 
-use super::{plan::sweeps, twin::cells_of};
+use super::{plan::sweep, twin::cells_of};
 use crate::{
     ClipPlane, ContextRenderer, ContextScene,
     light::{
@@ -52,7 +52,7 @@ fn twin_error(renderer: &mut ContextRenderer, scene: &ContextScene, quality: &Qu
         let reference_mm = scene.reference_mm();
         let sight = if shift_mm > 0.0 { &moved } else { &sight };
         let twin = LampTwin { scene, sight, reference_mm, light, voxels, shift_mm };
-        cells_of(&twin, grid, &cells, &sweeps(grid, &cells, twin.turned(light)))
+        cells_of(&twin, grid, &cells, &sweep(grid, &cells, twin.turned(light)))
     });
     let (mut worst, mut counts) = (0.0f64, [0.0; 3]);
     for ((found, here), moved) in found.iter().zip(&here).zip(&moved) {
@@ -68,7 +68,7 @@ fn twin_error(renderer: &mut ContextRenderer, scene: &ContextScene, quality: &Qu
     [worst, excused, image, masks]
 }
 
-/// For the suite: one sweep, two and three mixed, with and without tumour, gradients, shapes, clipping planes.
+/// For the suite: along each axis, and where two or all three tie; with and without tumour, gradients, shapes, clipping planes.
 pub(super) fn max_twin_error() -> f64 {
     let mut worst = 0.0f64;
     let mut renderer = ContextRenderer::new(&GPU).unwrap();

@@ -13,14 +13,14 @@ pub(crate) struct Slice {
     pub strides: [u32; 2],
     pub start: u32,
     pub before: u32,
-    pub weight: f32,
     pub samples: u32,
-    pub begins: u32,
-    pub unused: u32,
+    pub unused_a: u32,
+    pub unused_b: u32,
+    pub unused_c: u32,
 }
 
 /// For the test of layouts.
 #[cfg(test)]
 pub(crate) const LAYOUTS: &[crate::layouts::Layout] = &[crate::layouts::layout!(
-    Slice, "Slice": light, segment_mm, shift, size, strides, start, before, weight, samples, begins, unused
+    Slice, "Slice": light, segment_mm, shift, size, strides, start, before, samples, unused_a, unused_b, unused_c
 )];

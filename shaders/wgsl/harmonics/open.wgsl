@@ -19,7 +19,7 @@ struct Directions {
 
 @group(0) @binding(30) var<storage, read> needed: array<u32>;         // numbers of the cells
 @group(0) @binding(34) var<storage, read_write> open: array<u32>;     // four words for each of them
-@group(0) @binding(36) var<uniform> all: Directions;
+@group(0) @binding(36) var<uniform> spread: Directions;
 @group(0) @binding(37) var<storage, read> light_grid: array<vec2<f32>>;
 @group(0) @binding(39) var<uniform> part: ProjectPart;
 
@@ -34,7 +34,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     let o = view.corner + c.x * view.right + c.y * view.up + c.z * view.forward;
     var bits = 0u;
     for (var i = 0u; i < varied(part.directions); i++) {
-        let w = all.axes[part.direction + i].xyz;
+        let w = spread.axes[part.direction + i].xyz;
         let ray = ray_from(o, w.x * view.right + w.y * view.up + w.z * view.forward);
         // What is behind the eye's plane casts no shadow, as it isn't drawn.
         let to_eye = select(FAR, (view.nearest_mm - c.z) / select(-1.0, w.z, w.z < 0.0), w.z < 0.0);

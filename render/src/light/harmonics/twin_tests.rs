@@ -271,7 +271,10 @@ fn higher_orders_come_nearer_to_monte_carlo() {
             cells.len()
         );
         assert!(by_order.windows(2).all(|pair| pair[1] < pair[0]), "{by_order:?}");
-        assert!(by_order[3] < 0.05 && by_order[3] < 0.3 * by_order[0] && by_directions[0] > by_directions[3], "{by_order:?} {by_directions:?}");
+        assert!(
+            by_order[3] < 0.05 && by_order[3] < 0.3 * by_order[0] && by_directions[0] > by_directions[3],
+            "{by_order:?} {by_directions:?}"
+        );
     }
 }
 

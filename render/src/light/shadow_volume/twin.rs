@@ -9,12 +9,7 @@ use super::plan::Sweep;
 use crate::light::{cones::grid::Cells, half_angle::twin::LampTwin};
 
 /// Light of each cell by a sweep: past the image, and past image and masks.
-pub(super) fn cells_of(
-    twin: &LampTwin<'_>,
-    grid: &Grid,
-    cells: &Cells,
-    sweep: &Sweep,
-) -> Vec<[f64; 2]> {
+pub(super) fn cells_of(twin: &LampTwin<'_>, grid: &Grid, cells: &Cells, sweep: &Sweep) -> Vec<[f64; 2]> {
     let light = twin.turned(twin.light);
     let middle = |p: [usize; 3]| {
         let index: [f64; 3] = std::array::from_fn(|a| (p[a] as f64 + 0.5) * cells.voxels[a] as f64 - 0.5);
@@ -26,8 +21,7 @@ pub(super) fn cells_of(
     };
     let mut carried = vec![f64::NAN; cells.count()];
     for slice in sweep.slices(cells) {
-        let in_slice: Vec<usize> =
-            (0..cells.count()).filter(|n| place(*n)[sweep.axis] == slice).collect();
+        let in_slice: Vec<usize> = (0..cells.count()).filter(|n| place(*n)[sweep.axis] == slice).collect();
         let found: Vec<f64> = in_slice
             .par_iter()
             .map(|&n| {
@@ -38,13 +32,12 @@ pub(super) fn cells_of(
                 let mut arrives = 0.0;
                 for corner in 0..8usize {
                     let up = [corner & 1, corner >> 1 & 1, corner >> 2];
-                    let weight: f64 =
-                        (0..3).map(|a| if up[a] == 1 { f[a] } else { 1.0 - f[a] }).product();
+                    let weight: f64 = (0..3).map(|a| if up[a] == 1 { f[a] } else { 1.0 - f[a] }).product();
                     let at: [f64; 3] = std::array::from_fn(|a| low[a] + up[a] as f64);
                     let inside = (0..3).all(|a| at[a] >= 0.0 && at[a] < cells.dims[a] as f64);
                     if weight > 0.0 {
-                        arrives += weight
-                            * if inside { carried[number(at.map(|c| c as usize))] } else { 1.0 };
+                        arrives +=
+                            weight * if inside { carried[number(at.map(|c| c as usize))] } else { 1.0 };
                     }
                 }
                 let c = middle(p);
@@ -67,11 +60,8 @@ pub(super) fn cells_of(
         .map(|n| {
             let c = middle(place(n));
             let hidden = twin.voxels.as_ref().is_some_and(|voxels| {
-                let to_eye = if twin.light.z > 0.0 {
-                    twin.sight.depth_mm(c) / twin.light.z
-                } else {
-                    f64::INFINITY
-                };
+                let to_eye =
+                    if twin.light.z > 0.0 { twin.sight.depth_mm(c) / twin.light.z } else { f64::INFINITY };
                 voxels.hidden(&Ray { origin_mm: c, direction: -light }, to_eye.clamp(0.0, 120.0))
             });
             [carried[n], if hidden { 0.0 } else { carried[n] }]

@@ -411,7 +411,7 @@ fn why_steroids_were_raised_is_asked_after_the_dose() {
     let dose = "Steroids, mg dexamethasone a day";
     assert!(harness.query_by_label(&at(dose, "2024-03-01")).is_some(), "the dose is");
     assert!(harness.query_by_label(why).is_none());
-    assert!(harness.query_by_label_contains("missing: why steroids").is_none());
+    assert!(harness.query_all_by_label_contains("answers are missing").count() >= 1);
     click(&mut harness, &at(dose, "2024-01-01"));
     // The only field of a dose that isn't stated as none: the second scan's.
     let fields = harness.query_all_by_role_and_label(egui::accesskit::Role::TextInput, dose);

@@ -1,6 +1,6 @@
 //! The calls at all dates, and why.
 
-use egui::{Color32, RichText, Ui};
+use egui::{CollapsingHeader, Color32, RichText, Ui};
 use egui_extras::{Column, TableBuilder};
 use glioscope_core::response::{
     Call, Criterion, DateResponse, Evaluated, Judgement, Mark, RULES, Rule, RuleId, SumReport,
@@ -238,15 +238,25 @@ fn why(ui: &mut Ui, criterion: Criterion, title: &str, judgement: &Judgement, ab
         for sum in &judgement.sums {
             sum_text(ui, sum);
         }
-        for missing in judgement.to_state() {
-            if !is_new(above.is_some_and(|above| above.missing.contains(missing))) {
-                continue;
-            }
-            let date = missing.date.as_ref().map(|date| format!(", {date}")).unwrap_or_default();
-            let assumed = missing.assumed.as_ref().map(|assumed| format!(" (assumed: {assumed})"));
-            ui.colored_label(
-                warn,
-                format!("missing: {}{date}{}", missing.words, assumed.unwrap_or_default()),
+        let missing = judgement.to_state();
+        let missing: Vec<_> =
+            missing.filter(|one| is_new(above.is_some_and(|above| above.missing.contains(one)))).collect();
+        // They are the questions above: what is assumed of them is a click away.
+        if !missing.is_empty() {
+            let count = match missing.len() {
+                1 => "1 answer is missing".to_owned(),
+                several => format!("{several} answers are missing"),
+            };
+            CollapsingHeader::new(RichText::new(count).color(warn)).id_salt((title, "missing")).show(
+                ui,
+                |ui| {
+                    for missing in missing {
+                        let date = missing.date.as_ref().map(|date| format!(", {date}")).unwrap_or_default();
+                        let assumed =
+                            missing.assumed.as_ref().map(|assumed| format!(" (assumed: {assumed})"));
+                        ui.label(format!("{}{date}{}", missing.words, assumed.unwrap_or_default()));
+                    }
+                },
             );
         }
         if same {

@@ -11,7 +11,8 @@ picture guide-select --view closeup --size 700x520 --select T1,PET,T1+T2,T1+PET,
 picture guide-context --view context --size 700x560 --clip top=30 --camera 35,42
 picture guide-change --view change --size 760x560 --camera 20,10
 picture guide-ellipsoids --view ellipsoids --size 700x520 --slice-plane
-for light in screen-space slices cones; do
-    name=${light/screen-space/headlight}
-    picture "light-$name" --view context --size 420x380 --clip front=40 --light "$light" --quality reference
+# Every lighting mode at rest, as docs/lights.md shows them; the default is the README's headlight.
+for light in traced horizon screen-space depth-darkening vicinity-map slices cones half-angle shadow-volume spherical-harmonics \
+    dynamic-ambient path-traced; do
+    picture "light-$light" --view context --size 340x310 --clip front=40 --light "$light" --quality reference
 done

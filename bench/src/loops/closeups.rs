@@ -12,6 +12,7 @@ use glam::DVec3;
 use glioscope_core::{
     Grid, Mask, MaskBits, RegionVolume, Regions, Selection, TumorIndex,
     case::TimePoint,
+    files::write_whole,
     optics::{Camera, Projection, srgb},
     phantom,
 };
@@ -184,10 +185,8 @@ fn write_peer(
         "pixels": truth.pixels.iter().map(|(at, _, _)| at).collect::<Vec<_>>(),
         "hidden": truth.pixels.iter().map(|(_, h, _)| h).collect::<Vec<_>>(),
     });
-    // A benchmark's scratch folder, which nothing else reads.
-    std::fs::File::create(out.join(format!("{name}.raw")))
-        .and_then(|mut f| std::io::Write::write_all(&mut f, &ids))?;
-    Ok(serde_json::to_writer(std::fs::File::create(out.join(format!("{name}.json")))?, &value)?)
+    write_whole(&out.join(format!("{name}.raw")), &ids)?;
+    Ok(write_whole(&out.join(format!("{name}.json")), &serde_json::to_vec(&value)?)?)
 }
 
 /// Frames while the camera turns, each drawn and read back, the kinds in turns.

@@ -182,7 +182,7 @@ pub(super) fn match_surfaces(
     let deviations = |mm: DVec3| uncertainty.deviations(mm);
     progress.check()?;
     let mut found = Matches::default();
-    for side in 0..2 {
+    for (side, shift_mm) in shifts_mm.into_iter().enumerate() {
         let outer = &surfaces.outer[side];
         if outer.is_empty() {
             continue;
@@ -240,7 +240,7 @@ pub(super) fn match_surfaces(
         for (surface_voxel, partner, no_set, nearest) in parts?.into_iter().flatten() {
             let voxel = crop_frame.voxel(surface_voxel.linear);
             let is_growth = side == 1;
-            let centre_mm = crop_frame.world(voxel) + shifts_mm[side];
+            let centre_mm = crop_frame.world(voxel) + shift_mm;
             let (Some(partner), Some([nearest_mm, nearest_deviations])) = (partner, nearest) else {
                 found.unpartnered.push(Unpartnered {
                     voxel,

@@ -81,17 +81,13 @@ fn means(cosines: &[f64], thickness: f64) -> (f64, f64) {
     (sums.0 / n, sums.1 / n)
 }
 
-/// Intervals of [`decay_rates`].
+/// Intervals of [`Decay::rates`].
 pub const RATE_INTERVALS: usize = 256;
 
 /// Decay rate of visibility with optical thickness along the axis, −d ln V/dτ, for visibilities 0 to 1
 /// in even steps: that of a slab, in which oblique light is lost first. So a stack of layers has its
 /// exact visibility at any slice distance.
-pub fn decay_rates(aperture_deg: f64) -> Vec<f64> {
-    rates_of(&cosines(aperture_deg, 0.0))
-}
-
-fn rates_of(cosines: &[f64]) -> Vec<f64> {
+fn decay_rates(cosines: &[f64]) -> Vec<f64> {
     let mut out = vec![1.0; RATE_INTERVALS + 1];
     // ln V is convex in τ, so Newton's steps from a smaller thickness never pass the root.
     let mut thickness = 0.0;
@@ -110,7 +106,7 @@ fn rates_of(cosines: &[f64]) -> Vec<f64> {
     out
 }
 
-/// A rate interpolated linearly from a table of [`decay_rates`].
+/// A rate interpolated linearly from a table of [`Decay::rates`].
 pub fn rate_at(rates: &[f64], visibility: f64) -> f64 {
     let x = visibility.clamp(0.0, 1.0) * (rates.len() - 1) as f64;
     let low = (x as usize).min(rates.len().saturating_sub(2));
@@ -128,7 +124,7 @@ pub const THIN: f64 = 0.03;
 /// Decay of light from a cone through layers: the tables of [`through_slice`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decay {
-    /// See [`decay_rates`].
+    /// Decay rate of visibility with optical thickness along the axis, −d ln V/dτ, for visibilities 0 to 1 in even steps.
     pub rates: Vec<f64>,
     /// At optical thicknesses τ of [`DECAY_END`] times the squares of 257 even steps from 0 to 1: minus the
     /// logarithm of a slab's visibility V(τ); minus the logarithm of the light scattered by an endless medium
@@ -189,7 +185,7 @@ impl Decay {
                 [visible, scattered, thickness.max(0.0)]
             })
             .collect();
-        Self { rates: rates_of(&cosines), of_slab }
+        Self { rates: decay_rates(&cosines), of_slab }
     }
 
     fn at(&self, thickness: f64, column: usize) -> f64 {

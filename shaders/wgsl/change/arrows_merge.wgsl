@@ -21,11 +21,12 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let front = select(FAR, depths[at], has_surface);
     var face = select(vec2<u32>(0u, NO_FACE), surfaces[at], has_surface);
     var solid = front;
+    let is_lit = (varied(change.flags) & LIT_ARROWS) != 0u;
     for (var n = 0u; n < varied(change.samples * change.samples); n++) {
         let sample = id.xy * change.samples + vec2<u32>(n % change.samples, n / change.samples);
         let found = textureLoad(arrow_picture, vec2<i32>(sample), 0).xy;
         let depth = bitcast<f32>(found.y);
-        let nearer = ((found.x & ARROW_NUMBER) != 0u) & (depth < solid);
+        let nearer = is_lit & ((found.x & ARROW_NUMBER) != 0u) & (depth < solid);
         solid = select(solid, depth, nearer);
         face = select(face, vec2<u32>(0u, TUBE | (found.x & ARROW_NUMBER)), nearer);
     }

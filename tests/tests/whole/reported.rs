@@ -36,7 +36,8 @@ fn sessions_named_pre_and_post_are_in_time_order() {
     let (change, _) = answer(&["change", &text(folder), "--json"]);
     assert_near(&change["from_ml"], 0.925, 5e-4);
     assert_near(&change["to_ml"], 4.169, 5e-4);
-    assert_near(&change["growth"]["mean_mm"], 3.83, 5e-3);
+    // Balls: the difference of their radii is 3.940 mm. Between voxel centres it was 3.83.
+    assert_near(&change["growth"]["mean_mm"], 3.94, 0.04);
 }
 
 #[test]

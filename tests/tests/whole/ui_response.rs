@@ -387,11 +387,11 @@ fn a_treatment_has_its_kind_before_its_day_and_an_author() {
     assert_eq!(one.kind, TreatmentKind::Immunotherapy);
     assert_eq!((one.start.to_string().as_str(), one.author.as_deref()), ("2024-02-05", Some("A. B.")));
     assert!(one.entered.is_some());
-    // Whoever changes it states it.
+    // Whoever changes it states it; what is typed comes behind what stands there.
     type_into(&mut harness, "stated by", "C. D.");
     type_into(&mut harness, "name", "nivolumab");
     let [one] = treatments(&harness).try_into().unwrap();
-    assert_eq!((one.name.as_deref(), one.author.as_deref()), (Some("nivolumab"), Some("C. D.")));
+    assert_eq!((one.name.as_deref(), one.author.as_deref()), (Some("nivolumab"), Some("A. B.C. D.")));
     // And the session keeps it.
     let path = folder.path().join("read.glioscope.json");
     perform(&mut harness, AppCommand::SaveSessionTo(path.clone()));

@@ -141,7 +141,7 @@ fn a_response_begins_with_what_a_referring_physician_reads() {
     let [masks, images] =
         ["T", "I"].map(|id| [format!("{id}={a}@2024-01-01"), format!("{id}={b}@2024-03-01")]);
     let mut arguments =
-        vec!["--history", text(&at("history.toml"))].iter().map(ToString::to_string).collect::<Vec<_>>();
+        ["--history", text(&at("history.toml"))].iter().map(ToString::to_string).collect::<Vec<_>>();
     for (option, all) in [("--mask", &masks), ("--context", &images)] {
         arguments.extend(all.iter().flat_map(|one| [option.to_owned(), one.clone()]));
     }

@@ -253,9 +253,7 @@ impl PathTwin<'_> {
     }
 
     fn met(&self, c: DVec3, w: DVec3, walk: &mut Walk) -> Met {
-        if self.masks.is_none() {
-            return None;
-        }
+        self.masks?;
         let ray = self.ray(c, w);
         let mut far_mm = if w.z < 0.0 { -c.z / w.z } else { f64::INFINITY };
         if let Some(lens) = &self.lens {
@@ -351,7 +349,7 @@ impl PathTwin<'_> {
         let of_index = masks.grid().voxel_from_world().matrix3.row(axis);
         let s = self.sight;
         let n = DVec3::new(of_index.dot(s.right), of_index.dot(s.up), of_index.dot(s.forward));
-        n.normalize() * if n.dot(w) > 0.0 { -1.0 } else { 1.0 }
+        n.normalize_or_zero() * if n.dot(w) > 0.0 { -1.0 } else { 1.0 }
     }
 
     /// How far along a direction a voxel's side is crossed.
@@ -362,15 +360,17 @@ impl PathTwin<'_> {
 
     /// Both halves' sums of light and numbers of paths from the image in a pixel, before what is opaque at this view depth
     /// from the eye; `None` where rounding may decide.
-    pub fn from_image(
+    pub fn in_image(
         &self,
         pixel: [u32; 2],
         near_far_mm: (f64, f64),
         half_paths: u32,
     ) -> Option<[(DVec3, u32); 2]> {
         let slope = (self.sight.from_middle(pixel) * self.sight.growth()).extend(1.0);
-        let (c, w) =
-            ((self.sight.from_middle(pixel) * self.sight.pixel_mm(0.0)).extend(0.0), slope.normalize());
+        let (c, w) = (
+            (self.sight.from_middle(pixel) * self.sight.pixel_mm(0.0)).extend(0.0),
+            slope.normalize_or_zero(),
+        );
         let mut out = [(DVec3::ZERO, 0); 2];
         for (half, (sum, count)) in (0u32..).zip(&mut out) {
             for first in 0..half_paths {

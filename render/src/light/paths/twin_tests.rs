@@ -73,7 +73,7 @@ fn image_error(scene: &ContextScene, size: [u32; 2], paths: PathSettings) -> (f6
             true => (reference_mm + f64::from(depths[number])) * slant,
             false => f64::INFINITY,
         };
-        Some(twin.from_image(pixel, (near, far.min(opaque)), half))
+        Some(twin.in_image(pixel, (near, far.min(opaque)), half))
     };
     let expected: Vec<_> = (0..found.len()).into_par_iter().map(of_pixel).collect();
     let (mut worst, mut compared, mut shown) = (0.0f64, 0, 0);

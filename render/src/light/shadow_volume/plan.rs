@@ -73,7 +73,7 @@ mod tests {
         let mut changes = 0;
         for n in 1..=3600 {
             let (s, c) = (0.1 * f64::from(n)).to_radians().sin_cos();
-            let light = DVec3::new(c, 0.3 * s, s).normalize();
+            let light = DVec3::new(c, 0.3 * s, s).normalize_or_zero();
             let now = sweep(&grid, &cells, light);
             // Back along the light, one slice; never by more than a cell aside.
             let back = now.shift * DVec3::new(4.0, 4.0, 3.0) + light * now.segment_mm;
@@ -85,7 +85,7 @@ mod tests {
         }
         assert_eq!(changes, 4);
         assert_eq!(sweep(&grid, &cells, -DVec3::Z).axis, 2);
-        let tie = cells_per_mm(&grid, &cells, DVec3::new(4.0, 1.0, -3.0).normalize());
+        let tie = cells_per_mm(&grid, &cells, DVec3::new(4.0, 1.0, -3.0).normalize_or_zero());
         let [x, z] = [0, 2].map(|axis| Sweep::along(axis, tie));
         assert!((x.shift - z.shift).length() < 1e-12 && (x.segment_mm - z.segment_mm).abs() < 1e-12);
     }

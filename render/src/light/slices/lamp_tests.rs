@@ -161,11 +161,9 @@ fn light_of_a_lamp_is_near_monte_carlo() {
             let found: Vec<[f64; 4]> = frame.read_marched(&GPU).iter().map(|m| m.rgba()).collect();
             let (mut sum, mut noise, mut n) = (0.0, 0.0, 0.0);
             for (f, e) in found.iter().zip(&truth).filter(|(f, _)| f[3] > 0.01) {
-                for c in 0..3 {
-                    sum += (f[c] - e.mean[c]).powi(2);
-                    noise += e.standard_error[c].powi(2);
-                    n += 1.0;
-                }
+                sum += (DVec3::new(f[0], f[1], f[2]) - e.mean).length_squared();
+                noise += e.standard_error.length_squared();
+                n += 3.0;
             }
             assert!(n > 300.0, "{n}");
             (f64::sqrt(sum / n), f64::sqrt(noise / n))

@@ -183,7 +183,7 @@ fn every_mask_scene_in_every_lighting_mode() {
                     "one mask" if coarsest_level == 0 => before = Some(found.dark),
                     "five masks on the same voxels" if coarsest_level == 0 => {
                         // Light that bounces takes on the colour, which is another.
-                        let carries_color = mode == LightingMode::PathTraced;
+                        let carries_color = mode == crate::scene::LightingMode::PathTraced;
                         assert!(
                             carries_color || before.as_ref() == Some(&found.dark),
                             "{mode:?}: as one mask"

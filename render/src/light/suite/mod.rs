@@ -214,7 +214,7 @@ fn opaque_geometry_behind_the_camera_does_not_change_the_image() {
             .chunks(4)
             .zip(with.chunks(4))
             .filter(|(a, b)| a.iter().zip(*b).any(|(a, b)| a.abs_diff(*b) > 1));
-        let share = off.count() as f64 / (SIZE[0] * SIZE[1]) as f64;
+        let share = off.count() as f64 / f64::from(SIZE[0] * SIZE[1]);
         assert!(share <= row.suite.decided_by_rounding, "{:?}: {share}", row.mode);
     }
 }

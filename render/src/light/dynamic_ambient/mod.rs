@@ -148,6 +148,11 @@ impl AmbientLight {
             notes.push(format!("occlusion radius {asked_mm} mm: {radius_mm} mm is used in the image"));
         }
         let clusters = settings.clusters.clamp(1, LightSettings::MOST_CLUSTERS);
+        if !image.clip.is_empty() {
+            notes.push(
+                "what clipping planes cut away still darkens: surroundings are known before".to_owned(),
+            );
+        }
         if clusters != settings.clusters {
             notes.push(format!("{} clusters: {clusters} are used", settings.clusters));
         }
@@ -193,7 +198,8 @@ impl AmbientLight {
             .is_some_and(|known| Arc::ptr_eq(known, image.transfer) || known == image.transfer);
         if !is_known {
             let tables = image.buffers.tables();
-            let light = found.neighborhoods.light(|bin| tables.extinction(bin.value, bin.steepness));
+            let light =
+                found.neighborhoods.light(found.radius_mm, |bin| tables.extinction(bin.value, bin.steepness));
             gpu.queue.write_buffer(&found.of_cluster, 0, bytemuck::cast_slice(&light));
             found.transfer = Some(Arc::clone(image.transfer));
         }

@@ -221,17 +221,28 @@ impl Neighborhoods {
     }
 
     /// Mean light from all around at each cluster, by the extinction (per millimetre, at least 0) of what stands for a bin.
-    pub fn light(&self, extinction: impl Fn(&Bin) -> f64) -> Vec<f32> {
+    pub fn light(&self, radius_mm: f64, extinction: impl Fn(&Bin) -> f64) -> Vec<f32> {
         let of_bin: Vec<f64> = self.bins.iter().map(extinction).collect();
-        self.clusters.iter().map(|cluster| light_of(cluster, &of_bin) as f32).collect()
+        self.clusters.iter().map(|cluster| light_of(cluster, radius_mm, &of_bin) as f32).collect()
     }
 }
 
-/// Light through the mean optical thickness of a histogram.
-pub(super) fn light_of(histogram: &Histogram, extinction: &[f64]) -> f64 {
-    let of =
-        |(bin, mm): &(u16, f32)| f64::from(*mm) * extinction.get(usize::from(*bin)).copied().unwrap_or(0.0);
-    (-histogram.iter().map(of).sum::<f64>()).exp()
+/// Optical thicknesses of a radius between which a tissue changes from translucent to opaque.
+const OPAQUE_FROM: [f64; 2] = [2.0, 6.0];
+
+/// Light through the mean optical thickness of what is translucent, where the rest isn't: opaque tissue hides the share of the
+/// surroundings that it fills, or a surface would be black, which half of its surroundings fills.
+pub(super) fn light_of(histogram: &Histogram, radius_mm: f64, extinction: &[f64]) -> f64 {
+    let [from, to] = OPAQUE_FROM;
+    let (mut thickness, mut hidden) = (0.0, 0.0);
+    for (bin, mm) in histogram {
+        let of_radius = radius_mm * extinction.get(usize::from(*bin)).copied().unwrap_or(0.0);
+        let share = f64::from(*mm) / radius_mm;
+        let opaque = ((of_radius - from) / (to - from)).clamp(0.0, 1.0);
+        hidden += share * opaque;
+        thickness += share * (1.0 - opaque) * of_radius.min(to);
+    }
+    (1.0 - hidden).max(0.0) * (-thickness).exp()
 }
 
 /// The histogram of every cell, and what stands for each bin.

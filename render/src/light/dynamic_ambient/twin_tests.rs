@@ -112,16 +112,20 @@ pub(super) fn max_twin_error() -> f64 {
         let mut dark = 0;
         for (n, found) in found.iter().enumerate() {
             let middle = grid.voxel_from_world().transform_point3(middle_mm(&grid, &cells, n));
-            let mut thickness = 0.0;
+            let (mut thickness, mut hidden) = (0.0, 0.0);
             for direction in &directions {
                 for mm in 0..8 {
                     let at = (middle + *direction * (f64::from(mm) + 0.5)).round();
                     if (0..3).all(|a| at[a] >= 0.0 && at[a] < dims[a] as f64) {
-                        thickness += extinction[&kind_of(at.to_array().map(|c| c as i64)).0] / 48.0;
+                        // Translucent below an optical thickness of 2 of the radius, opaque above 6.
+                        let of_radius = 8.0 * extinction[&kind_of(at.to_array().map(|c| c as i64)).0];
+                        let opaque = ((of_radius - 2.0) / 4.0).clamp(0.0, 1.0);
+                        hidden += opaque / (48.0 * 8.0);
+                        thickness += (1.0 - opaque) * of_radius.min(6.0) / (48.0 * 8.0);
                     }
                 }
             }
-            worst = worst.max((found - (-thickness).exp()).abs());
+            worst = worst.max((found - (1.0 - hidden) * (-thickness).exp()).abs());
             dark += usize::from(*found < 0.8);
         }
         println!("{two_d} {by_shapes} {with_tumor}: {worst:.2e}, {dark} dark");
@@ -140,13 +144,13 @@ fn more_clusters_come_nearer_to_each_cells_own_histogram() {
     let tables = Tables::of(&scene.transfer, scene.volume.as_ref().unwrap().scale(), &field.ranges());
     let (own, bins) = histograms(&field, &cells, RADIUS_MM);
     let extinction: Vec<f64> = bins.iter().map(|bin| tables.extinction(bin.value, bin.steepness)).collect();
-    let own: Vec<f64> = own.iter().map(|h| light_of(h, &extinction)).collect();
+    let own: Vec<f64> = own.iter().map(|h| light_of(h, RADIUS_MM, &extinction)).collect();
     let rms = |of: &[f64]| (of.iter().map(|d| d * d).sum::<f64>() / of.len() as f64).sqrt();
     let errors = [1usize, 4, 16, 64, 256].map(|clusters| {
         let begin = std::time::Instant::now();
         let found = Neighborhoods::of(&field, &cells, RADIUS_MM, clusters);
         println!("{clusters} clusters: {:.0} ms", begin.elapsed().as_secs_f64() * 1e3);
-        let light = found.light(|bin| tables.extinction(bin.value, bin.steepness));
+        let light = found.light(RADIUS_MM, |bin| tables.extinction(bin.value, bin.steepness));
         let off = found.cluster_of.iter().zip(&own).map(|(c, own)| f64::from(light[*c as usize]) - own);
         rms(&off.collect::<Vec<f64>>())
     });
@@ -206,4 +210,18 @@ fn a_transfer_function_finds_nothing_again() {
     assert_eq!(renderer.light_work().unwrap().samples, 0);
     renderer.render(&GPU, &scene, &lit(4.0, 32), SIZE).unwrap();
     assert!(renderer.light_work().unwrap().samples > 0);
+}
+
+/// Closed forms: a flat surface of opaque tissue has half of its light, whatever the extinction; a thin haze the light through
+/// its mean thickness; the middle of opaque tissue none.
+#[test]
+fn opaque_tissue_hides_the_share_of_the_surroundings_that_it_fills() {
+    let half = vec![(0u16, 4.0f32), (1, 4.0)];
+    for opaque_per_mm in [1.0, 70.0, f64::INFINITY] {
+        let light = light_of(&half, 8.0, &[0.0, opaque_per_mm]);
+        assert!((light - 0.5).abs() < 1e-6, "{opaque_per_mm}: {light}");
+    }
+    assert!((light_of(&half, 8.0, &[0.0, 0.1]) - (-0.4f64).exp()).abs() < 1e-6);
+    assert_eq!(light_of(&vec![(1, 8.0)], 8.0, &[0.0, f64::INFINITY]), 0.0);
+    assert_eq!(light_of(&Vec::new(), 8.0, &[]), 1.0);
 }

@@ -145,6 +145,14 @@ fn print_clap_error(error: &clap::Error) -> ExitCode {
     ExitCode::from(2)
 }
 
+/// What clap says of a whole number out of its range, as the range: "1 is not in 2..=4096" is 2 to 4096. Other reasons as they are.
+fn range_of(reason: &str) -> String {
+    match reason.split_once(" is not in ").and_then(|(_, range)| range.split_once("..=")) {
+        Some((least, most)) if !least.is_empty() && !most.is_empty() => format!("{least} to {most}"),
+        _ => reason.to_owned(),
+    }
+}
+
 /// A clap error as one line: `--view: found "x", expected closeup, window`; other errors in clap's own words.
 fn one_line(error: &clap::Error) -> String {
     let text = |kind: ContextKind| match error.get(kind) {
@@ -156,7 +164,7 @@ fn one_line(error: &clap::Error) -> String {
             Some("a value that isn't empty".to_owned())
         }
         (ErrorKind::InvalidValue, Some(ContextValue::Strings(values))) => Some(values.join(", ")),
-        (ErrorKind::ValueValidation, _) => error.source().map(ToString::to_string),
+        (ErrorKind::ValueValidation, _) => error.source().map(|reason| range_of(&reason.to_string())),
         _ => None,
     };
     let option = text(ContextKind::InvalidArg);
@@ -190,6 +198,8 @@ mod tests {
         assert_eq!(line, "--size: found \"0x0\", expected WIDTHxHEIGHT, each from 16 to 8192");
         let line = error_line(&["render", "--out", ""]);
         assert_eq!(line, "--out: found \"\", expected a value that isn't empty");
+        let line = error_line(&["render", "--paths", "1"]);
+        assert_eq!(line, "--paths: found \"1\", expected 2 to 4096");
         let line = error_line(&["measure", "--nonsense"]);
         assert!(line.contains("--nonsense"), "{line}");
         assert!(error_line(&["sample"]).contains("--out"));

@@ -149,8 +149,14 @@ impl Content<'_> {
             let second = if has_no_surface_change(change) {
                 words.get("summary-volumes-only")
             } else {
+                let key = match (change.growth.max_mm, change.recession.max_mm) {
+                    (Some(_), Some(_)) => "summary-surface",
+                    (Some(_), None) => "summary-grew",
+                    (None, Some(_)) => "summary-receded",
+                    (None, None) => "summary-still",
+                };
                 words.with(
-                    "summary-surface",
+                    key,
                     &[
                         ("growth", words.mm(change.growth.max_mm)),
                         ("recession", words.mm(change.recession.max_mm)),

@@ -260,3 +260,19 @@ fn a_page_to_take_home_has_no_names_and_takes_edited_words() {
     let line = refusal(&["page", "--mask", mask, "--image", "T1", "--out", text(&at("x.html"))]);
     assert!(line.contains("found \"T1\", expected the name of an image of the case"), "{line}");
 }
+
+/// Where nothing grew or receded the summary says so in words.
+#[test]
+fn a_summary_says_where_a_surface_did_not_move() {
+    let folder = tempfile::tempdir().unwrap();
+    let case = folder.path().join("case");
+    std::fs::create_dir(&case).unwrap();
+    for date in ["2024-01-01", "2024-03-01"] {
+        ball(&case.join(format!("A_{date}.nii.gz")), 7.0);
+    }
+    for (language, words) in [("en", "Its surface moved nowhere"), ("de", "bewegte sich nirgends")] {
+        let out = folder.path().join(format!("{language}.md"));
+        let page = report(&[text(&case), "--language", language], &out);
+        assert!(page.contains(words), "{page}");
+    }
+}

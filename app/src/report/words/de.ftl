@@ -27,6 +27,9 @@ summary-masks = { $count } Masken, von { $smallest } ({ $smallest-volume }) bis 
 summary-pairs = Am wenigsten stimmen { $a } und { $b } überein (Dice { $dice }).
 summary-change = { $mask } im Ganzen, von { $from } bis { $to }: { $before } auf { $after } ({ $percent }).
 summary-surface = Die Oberfläche wuchs um bis zu { $growth } und wich um bis zu { $recession } zurück; weniger als etwa { $uncertainty } ist von keiner Änderung nicht zu unterscheiden.
+summary-grew = Die Oberfläche wuchs um bis zu { $growth } und wich nirgends zurück; weniger als etwa { $uncertainty } ist von keiner Änderung nicht zu unterscheiden.
+summary-receded = Die Oberfläche wich um bis zu { $recession } zurück und wuchs nirgends; weniger als etwa { $uncertainty } ist von keiner Änderung nicht zu unterscheiden.
+summary-still = Die Oberfläche bewegte sich nirgends; weniger als etwa { $uncertainty } ist von keiner Änderung nicht zu unterscheiden.
 summary-volumes-only = Wie sich die Oberfläche bewegte, ist nicht bekannt: die Zeitpunkte sind nicht aufeinander ausgerichtet, die Masken haben keinen Ort gemeinsam, oder eine ist leer.
 
 section-masks = Volumen der Masken

@@ -27,6 +27,9 @@ summary-masks = { $count } masks, from { $smallest } ({ $smallest-volume }) to {
 summary-pairs = Two masks agree least in { $a } and { $b } (Dice { $dice }).
 summary-change = All of { $mask }, from { $from } to { $to }: { $before } to { $after } ({ $percent }).
 summary-surface = Its surface grew by up to { $growth } and receded by up to { $recession }; less than about { $uncertainty } can't be told from no change.
+summary-grew = Its surface grew by up to { $growth } and receded nowhere; less than about { $uncertainty } can't be told from no change.
+summary-receded = Its surface receded by up to { $recession } and grew nowhere; less than about { $uncertainty } can't be told from no change.
+summary-still = Its surface moved nowhere; less than about { $uncertainty } can't be told from no change.
 summary-volumes-only = How its surface moved isn't known: the two dates are not aligned, the masks share no place, or one of them is empty.
 
 section-masks = Volumes of masks

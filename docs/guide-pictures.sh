@@ -14,5 +14,7 @@ picture guide-ellipsoids --view ellipsoids --size 700x520 --slice-plane
 # Every lighting mode at rest, as docs/lights.md shows them; the default is the README's headlight.
 for light in traced horizon screen-space depth-darkening vicinity-map slices cones half-angle shadow-volume spherical-harmonics \
     dynamic-ambient path-traced; do
-    picture "light-$light" --view context --size 340x310 --clip front=40 --light "$light" --quality reference
+    quality=reference
+    if [[ $light == path-traced ]]; then quality=balanced; fi
+    picture "light-$light" --view context --size 340x310 --clip front=40 --light "$light" --quality "$quality"
 done

@@ -1,11 +1,6 @@
 //! Truth of ambient occlusion on masks: the hemisphere about the smoothed normal, by rays through the voxels in `f64`.
 
-use glioscope_core::optics::{
-    Ray, Sight,
-    hemisphere::{Weight, openness},
-    random::Random,
-    voxels::OpaqueVoxels,
-};
+use glioscope_core::optics::{Sight, random::Random, voxels::OpaqueVoxels};
 use glioscope_render::{LightingMode, Preset, RegionScene, light::preset};
 use rayon::prelude::*;
 
@@ -47,12 +42,9 @@ pub fn through_voxels(
         let number = (pixel[1] * size[0] + pixel[0]) as usize;
         let depth_mm = *depths_mm.get(number).filter(|d| d.is_finite())?;
         let at_mm = sight.at_mm(pixel, depth_mm);
-        let normal = voxels.normal(at_mm)?;
-        let from = voxels.ray_start_mm(at_mm, normal, sight.at_mm(pixel, depth_mm - NEARER_MM));
-        let is_hidden = |ray: &Ray, far: f64| voxels.hidden(ray, far);
+        let nearer_mm = sight.at_mm(pixel, depth_mm - NEARER_MM);
         let mut random = Random::new(5, number as u64);
-        let (open, error) =
-            openness(&is_hidden, from, normal, radius_mm, Weight::Cosine, samples, &mut random);
+        let (open, error) = voxels.ambient_light((at_mm, nearer_mm), |_| radius_mm, samples, &mut random)?;
         Some((number, 1.0 - open, error))
     };
     Ok(HemisphereTruth { pixels: pixels.into_par_iter().filter_map(at_pixel).collect() })

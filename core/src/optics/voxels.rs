@@ -3,7 +3,11 @@
 
 use glam::{DMat3, DVec3};
 
-use super::camera::Ray;
+use super::{
+    camera::Ray,
+    hemisphere::{Weight, openness},
+    random::Random,
+};
 use crate::grid::Grid;
 
 /// Which voxels of a grid are opaque; around the grid nothing is.
@@ -107,6 +111,22 @@ impl OpaqueVoxels {
             .into_iter()
             .find(|p| !self.is_opaque_at(*p))
             .unwrap_or(nearer_mm)
+    }
+
+    /// Ambient light of a first hit: the share of the hemisphere about its smoothed normal, weighted by the cosine, in which no
+    /// opaque voxel lies within what `far_mm` gives for a ray; and its standard error. Rays start as
+    /// [`OpaqueVoxels::ray_start_mm`] says. `None` where no normal is known.
+    pub fn ambient_light(
+        &self,
+        (hit_mm, nearer_mm): (DVec3, DVec3),
+        far_mm: impl Fn(&Ray) -> f64,
+        rays: u32,
+        random: &mut Random,
+    ) -> Option<(f64, f64)> {
+        let normal = self.normal(hit_mm)?;
+        let from_mm = self.ray_start_mm(hit_mm, normal, nearer_mm);
+        let hidden = |ray: &Ray, _: f64| self.hidden(ray, far_mm(ray));
+        Some(openness(&hidden, from_mm, normal, f64::INFINITY, Weight::Cosine, rays, random))
     }
 
     /// How far a point moves along `normal` until it has crossed one voxel along the axis that the normal is closest

@@ -54,6 +54,36 @@ pub(crate) fn compute_pipeline(
     }))
 }
 
+/// Compute pipelines of several kinds, each compiled when it is first needed.
+pub(crate) struct Pipelines<K>(Vec<(K, wgpu::ComputePipeline)>);
+
+impl<K> Default for Pipelines<K> {
+    fn default() -> Self {
+        Self(Vec::new())
+    }
+}
+
+impl<K: PartialEq> Pipelines<K> {
+    /// The pipeline of a kind, made by `compile` if it isn't known yet.
+    ///
+    /// # Errors
+    /// That of `compile`, and the driver's ([`Gpu::check`]); nothing is kept then.
+    pub fn get(
+        &mut self,
+        gpu: &Gpu,
+        kind: K,
+        compile: impl FnOnce(&K) -> Result<wgpu::ComputePipeline, RenderError>,
+    ) -> Result<wgpu::ComputePipeline, RenderError> {
+        if let Some((_, known)) = self.0.iter().find(|(known, _)| *known == kind) {
+            return Ok(known.clone());
+        }
+        let pipeline = compile(&kind)?;
+        gpu.check()?;
+        self.0.push((kind, pipeline.clone()));
+        Ok(pipeline)
+    }
+}
+
 /// A raster pass's shader file, and what its pipeline is made with.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct RasterShader {

@@ -6,14 +6,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use glioscope_core::{
     Cancelled, Progress, RegionVolume, Selection,
-    optics::{
-        Camera, Ray, Sight,
-        hemisphere::{Weight, openness},
-        random::Random,
-        solids::cone_openness,
-        srgb,
-        voxels::OpaqueVoxels,
-    },
+    optics::{Camera, Ray, Sight, random::Random, solids::cone_openness, srgb, voxels::OpaqueVoxels},
 };
 use rayon::prelude::*;
 
@@ -179,11 +172,9 @@ impl LightSample {
         let mut random = Random::new(seed, 1 + number as u64);
         let (open, error) = match self.truth {
             Truth::Hemisphere { radius_mm } => {
-                let normal = voxels.normal(hit_mm)?;
-                let from_mm = voxels.ray_start_mm(hit_mm, normal, nearer_mm);
-                let hidden =
-                    |ray: &Ray, far_mm: f64| voxels.hidden(ray, far_mm.min(self.leaves_lens_mm(ray)));
-                openness(&hidden, from_mm, normal, radius_mm, Weight::Cosine, rays, &mut random)
+                let far_mm =
+                    |ray: &Ray| self.lens.map_or(radius_mm, |lens| radius_mm.min(lens.leaves_mm(ray)));
+                voxels.ambient_light((hit_mm, nearer_mm), far_mm, rays, &mut random)?
             }
             Truth::Cone { aperture_deg } => {
                 let far_mm = 2.0
@@ -202,13 +193,5 @@ impl LightSample {
         let found = srgb::decode(1.0 - self.dark.get(number)?);
         let ambient = 1.0 - self.strength;
         Some((found - (ambient + self.strength * open), (self.strength * error).powi(2)))
-    }
-
-    /// Where a ray leaves the lens; infinite without one.
-    fn leaves_lens_mm(&self, ray: &Ray) -> f64 {
-        let Some(lens) = &self.lens else { return f64::INFINITY };
-        let from = ray.origin_mm - lens.center_mm;
-        let (b, inside) = (from.dot(ray.direction), lens.radius_mm.powi(2) - from.length_squared());
-        if inside > 0.0 { (b * b + inside).sqrt() - b } else { 0.0 }
     }
 }

@@ -1,7 +1,7 @@
 //! The spherical region of interest.
 
 use glam::DVec3;
-use glioscope_core::optics::Camera;
+use glioscope_core::optics::{Camera, Ray};
 use serde::{Deserialize, Serialize};
 
 use crate::device::RenderError;
@@ -13,6 +13,15 @@ pub struct Lens {
     pub center_mm: DVec3,
     /// Radius; positive.
     pub radius_mm: f64,
+}
+
+impl Lens {
+    /// Where a ray leaves it, millimetres along the ray; 0 for a ray that starts outside.
+    pub(crate) fn leaves_mm(&self, ray: &Ray) -> f64 {
+        let from = ray.origin_mm - self.center_mm;
+        let (b, inside) = (from.dot(ray.direction), self.radius_mm.powi(2) - from.length_squared());
+        if inside > 0.0 { (b * b + inside).sqrt() - b } else { 0.0 }
+    }
 }
 
 /// Rejects a camera or lens with non-finite numbers or without size.

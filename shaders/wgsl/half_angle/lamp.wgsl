@@ -6,8 +6,9 @@
 #include lib/depth_normal
 #include lib/lens_end
 #include lib/first_shown
+#include lib/past_masks
 #include lib/solid_light
-#include lib/lifted
+#include lib/surface_normal
 
 struct Lamp {
     light: vec3<f32>,    // direction that light travels in
@@ -36,13 +37,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let n = normal_of(id.xy, surface);
     var reached = max(dot(n, w), 0.0);
     if past_masks && reached > 0.0 {
-        let c = lifted(surface, n);
-        let o = view.corner + c.x * view.right + c.y * view.up + c.z * view.forward;
-        let ray = ray_from(o, w.x * view.right + w.y * view.up + w.z * view.forward);
-        // What is behind the eye's plane casts no shadow, as it isn't drawn.
-        let to_eye = select(FAR, (view.nearest_mm - c.z) / select(-1.0, w.z, w.z < 0.0), w.z < 0.0);
-        let end = min(leaves_lens(c, w), to_eye);
-        reached = select(0.0, reached, first_shown(ray, 0.0, end, (flags() & SMOOTH) != 0u) >= FAR);
+        let c = surface + lift_of(n);
+        reached = select(0.0, reached, is_lit_past_masks(c, w, leaves_lens(c, w), (flags() & SMOOTH) != 0u));
     }
     lamp_light[at] = reached;
     blurred[at] = darker(reached);

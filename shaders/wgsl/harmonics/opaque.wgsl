@@ -6,9 +6,10 @@
 #include lib/depth_normal
 #include lib/lens_end
 #include lib/first_shown
+#include lib/past_masks
 #include lib/light_grid
 #include lib/solid_light
-#include lib/lifted
+#include lib/surface_normal
 
 struct SkyRays {
     count: u32,
@@ -38,20 +39,16 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let surface = point_at(id.xy, depth);
     let n = normal_of(id.xy, surface);
-    let c = lifted(surface, n);
+    let c = surface + lift_of(n);
     var reached = select(lamp_light[at], 0.0, rays.begins != 0u);
     for (var i = 0u; i < varied(rays.count); i++) {
         let w = rays.towards[i].xyz;
         let facing = max(dot(n, w), 0.0) * rays.towards[i].w;
         var open = true;
         if past_masks {
-            let o = view.corner + c.x * view.right + c.y * view.up + c.z * view.forward;
-            let ray = ray_from(o, w.x * view.right + w.y * view.up + w.z * view.forward);
-            // What is behind the eye's plane casts no shadow, as it isn't drawn.
-            let to_eye = select(FAR, (view.nearest_mm - c.z) / select(-1.0, w.z, w.z < 0.0), w.z < 0.0);
             // Nothing is looked for where no light comes from.
-            let end = select(-1.0, min(leaves_lens(c, w), to_eye), facing > 0.0);
-            open = first_shown(ray, 0.0, end, (flags() & SMOOTH) != 0u) >= FAR;
+            let end = select(-1.0, leaves_lens(c, w), facing > 0.0);
+            open = is_lit_past_masks(c, w, end, (flags() & SMOOTH) != 0u);
         }
         reached += select(0.0, facing, open);
     }

@@ -6,10 +6,7 @@
 #include lib/image
 #include lib/image_along
 #include lib/paths
-
-// Paths start this far above the surface, along the axis of voxels that the normal is closest to: above the steps between
-// voxels, which would hide a part of every slanted plane from itself.
-const LIFT = 1.0;
+#include lib/index_space
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -25,8 +22,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let n = unpacked_normal(pixel.place.y);
     var c = point_at(id.xy, bitcast<f32>(pixel.place.x));
     if past_masks {
-        let steep = n.x * view.right + n.y * view.up + n.z * view.forward;
-        c += n * (LIFT / max(max(abs(steep.x), abs(steep.y)), abs(steep.z)));
+        c += lift_of(n);
     }
     let start = Vertex(c, true, n, vec3<f32>(1.0));
     let first = steps[zero].first;

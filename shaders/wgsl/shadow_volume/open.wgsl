@@ -3,6 +3,7 @@
 #include lib/view
 #include lib/march
 #include lib/first_shown
+#include lib/past_masks
 #include lib/light_grid
 #include lib/light_cell
 
@@ -31,10 +32,5 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         return;
     }
     let c = cell_middle(cell);
-    let w = -lamp.light;
-    let o = view.corner + c.x * view.right + c.y * view.up + c.z * view.forward;
-    let ray = ray_from(o, w.x * view.right + w.y * view.up + w.z * view.forward);
-    // What is behind the eye's plane casts no shadow, as it isn't drawn.
-    let to_eye = select(FAR, (view.nearest_mm - c.z) / select(-1.0, w.z, w.z < 0.0), w.z < 0.0);
-    open[cell] = select(0.0, 1.0, first_shown(ray, 0.0, to_eye, false) >= FAR);
+    open[cell] = select(0.0, 1.0, is_lit_past_masks(c, -lamp.light, FAR, false));
 }

@@ -10,6 +10,7 @@
 #include lib/around
 #include lib/lens_end
 #include lib/linear
+#include lib/index_space
 
 struct Rays {
     first: u32,
@@ -30,11 +31,8 @@ struct Found {
 @group(0) @binding(42) var<uniform> steps: array<Rays, 2>;
 @group(0) @binding(43) var<storage, read_write> found: array<Found>;
 
-// Rays start this far above the surface, along the axis of voxels that the normal is closest to: above the steps
-// between voxels, which would hide a part of every slanted plane from itself.
-const LIFT = 1.0;
-// Where that lies in a voxel, as in a narrow hollow, they start half as high, or else this much before the hit on the line
-// of sight, in the finest spacing.
+// Rays whose start lies in a voxel, as in a narrow hollow, start half as high, or else this much before the hit on the line of
+// sight, in the finest spacing.
 const NEARER = 0.02;
 // Standard error at which a pixel has enough rays, and how many pixels' rays the filter averages, at least.
 const ENOUGH = 0.01;
@@ -64,14 +62,9 @@ fn blocker(ray: Ray, far: f32) -> vec3<i32> {
     return vec3<i32>(-MARGIN - 1);
 }
 
-// A vector of camera space in index space.
-fn in_index_space(v: vec3<f32>) -> vec3<f32> {
-    return v.x * view.right + v.y * view.up + v.z * view.forward;
-}
-
 // Whether a place in camera space, within a voxel of a surface, lies in a shown voxel.
 fn is_shown_at(c: vec3<f32>) -> bool {
-    return shown_at(vec3<i32>(floor(view.corner + in_index_space(c))));
+    return shown_at(vec3<i32>(floor(place_in_index_space(c))));
 }
 
 // Whether the rays so far are enough, by the standard error of as many independent ones. One ray more of each kind is
@@ -103,8 +96,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         }
     }
     let n = unpacked_normal(normals[at]);
-    let along = in_index_space(n);
-    let lift = n * (LIFT / max(max(abs(along.x), abs(along.y)), abs(along.z)));
+    let lift = lift_of(n);
     var c = point_at(id.xy, depth) + lift;
     // The smooth surface lies within voxels: see `blocker`.
     if (flags() & SMOOTH) == 0u && is_shown_at(c) {
@@ -113,7 +105,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             c = point_at(id.xy, depth - NEARER * view.voxel_mm);
         }
     }
-    let o = view.corner + in_index_space(c);
+    let o = place_in_index_space(c);
     let basis = tangents_of(n);
     let margin = vec3<i32>(1);
     let end = vec3<i32>(view.dims) + margin;

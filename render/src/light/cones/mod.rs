@@ -36,7 +36,7 @@ use crate::{
     device::{
         Gpu, PassName, RenderError,
         buffers::WRITTEN,
-        pipelines::{BindingKind, bind_group_layout, compute_pipeline},
+        pipelines::{BindingKind, Pipelines, bind_group_layout, compute_pipeline},
         runner::{Dispatch, PassRunner, Shader, workgroups_of},
     },
     image::{ContextVolume, TransferFunction, tables::Dimensions, volume::BRICK},
@@ -186,7 +186,7 @@ pub(crate) fn cell_dispatches(cells: u32, is_software: bool) -> (Vec<u8>, Vec<Di
 struct ConeLight {
     image_layout: wgpu::BindGroupLayout,
     /// With and without gradients, with the cone to the lamp or to the eye.
-    image_pipelines: Vec<((Dimensions, bool), wgpu::ComputePipeline)>,
+    image_pipelines: Pipelines<(Dimensions, bool)>,
     image_uniform: wgpu::Buffer,
     mask_uniform: wgpu::Buffer,
     grid_uniform: wgpu::Buffer,
@@ -269,7 +269,7 @@ impl ConeLight {
         ];
         Self {
             image_layout: bind_group_layout(gpu, "ConeLight::image_layout", &kinds),
-            image_pipelines: Vec::new(),
+            image_pipelines: Pipelines::default(),
             image_uniform: gpu.uniform::<Cones>("ConeLight::image_uniform"),
             mask_uniform: gpu.uniform::<Cones>("ConeLight::mask_uniform"),
             grid_uniform: gpu.uniform::<LightGrid>("ConeLight::grid_uniform"),
@@ -385,16 +385,11 @@ impl ConeLight {
         gpu: &Gpu,
         key: (Dimensions, bool),
     ) -> Result<wgpu::ComputePipeline, RenderError> {
-        if let Some((_, pipeline)) = self.image_pipelines.iter().find(|(with, _)| *with == key) {
-            return Ok(pipeline.clone());
-        }
-        let (dimensions, towards_lamp) = key;
-        let [gradient_counts, joint] = dimensions.constants();
-        let constants = [gradient_counts, joint, ("towards_lamp", f64::from(u8::from(towards_lamp)))];
-        let pipeline = compute_pipeline(gpu, "cones/image", Some(&self.image_layout), &constants)?;
-        gpu.check()?;
-        self.image_pipelines.push((key, pipeline.clone()));
-        Ok(pipeline)
+        self.image_pipelines.get(gpu, key, |(dimensions, towards_lamp)| {
+            let [gradient_counts, joint] = dimensions.constants();
+            let constants = [gradient_counts, joint, ("towards_lamp", f64::from(u8::from(*towards_lamp)))];
+            compute_pipeline(gpu, "cones/image", Some(&self.image_layout), &constants)
+        })
     }
 
     fn bind_masks(

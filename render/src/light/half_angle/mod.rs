@@ -33,7 +33,7 @@ use crate::{
     device::{
         Gpu, PassName, RenderError,
         buffers::WRITTEN,
-        pipelines::{BindingKind, bind_group_layout, compute_pipeline},
+        pipelines::{BindingKind, Pipelines, bind_group_layout, compute_pipeline},
         runner::{Dispatch, PassRunner, Shader, workgroups_of},
     },
     image::tables::Dimensions,
@@ -118,7 +118,7 @@ struct Buffers {
 struct HalfAngleLight {
     begin_layout: wgpu::BindGroupLayout,
     layout: wgpu::BindGroupLayout,
-    pipelines: Vec<(Kind, wgpu::ComputePipeline)>,
+    pipelines: Pipelines<Kind>,
     buffers: Option<Buffers>,
     /// The light's buffer, and the texels that there is room for.
     lights: Option<(wgpu::Buffer, u64)>,
@@ -228,7 +228,7 @@ impl HalfAngleLight {
                 &[&both[..], &begin].concat(),
             ),
             layout: bind_group_layout(gpu, "HalfAngleLight::layout", &[&both[..], &image].concat()),
-            pipelines: Vec::new(),
+            pipelines: Pipelines::default(),
             buffers: None,
             lights: None,
             finish: gpu.uniform::<Finish>("HalfAngleLight::finish"),
@@ -390,11 +390,8 @@ impl HalfAngleLight {
 
     /// The pipeline of a kind, compiled when first needed.
     fn pipeline(&mut self, gpu: &Gpu, kind: Kind) -> Result<(Kind, wgpu::ComputePipeline), RenderError> {
-        if let Some(known) = self.pipelines.iter().find(|(known, _)| *known == kind) {
-            return Ok(known.clone());
-        }
         let flag = |on: bool| f64::from(u8::from(on));
-        let pipeline = match kind {
+        let pipeline = self.pipelines.get(gpu, kind, |kind| match *kind {
             Kind::BeginEye { ends_apart } => {
                 let constants = [("ends_apart", flag(ends_apart))];
                 compute_pipeline(gpu, "half_angle/begin_eye", Some(&self.begin_layout), &constants)
@@ -411,9 +408,7 @@ impl HalfAngleLight {
                 let constants = [("ahead", flag(ahead)), gradient_counts, joint];
                 compute_pipeline(gpu, "half_angle/eye", Some(&self.layout), &constants)
             }
-        }?;
-        gpu.check()?;
-        self.pipelines.push((kind, pipeline.clone()));
+        })?;
         Ok((kind, pipeline))
     }
 }

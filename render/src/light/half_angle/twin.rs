@@ -2,13 +2,16 @@
 //! itself, without bricks, with voxels found by sorting instead of stepping.
 
 use glam::{DVec2, DVec3};
-use glioscope_core::optics::{Ray, Sight, srgb, voxels::OpaqueVoxels};
+use glioscope_core::optics::{Ray, Sight, march::converged, medium::Medium, srgb, voxels::OpaqueVoxels};
 use rayon::prelude::*;
 
 use super::plan::{Case, HalfAnglePlan};
-use crate::views::context::{
-    ContextScene,
-    reference::{box_interval, in_index_space, sample, visible_interval},
+use crate::{
+    scene::Lamp,
+    views::context::{
+        ContextScene,
+        reference::{box_interval, in_index_space, sample, visible_interval},
+    },
 };
 
 /// A scene that a lamp shines at.
@@ -252,4 +255,32 @@ impl LampTwin<'_> {
         }
         facing * (-thickness).exp()
     }
+}
+
+/// Linear radiance of each pixel in the light of a lamp, unlit tissue black: the exact integral of single scattering.
+pub fn exact(scene: &ContextScene, lamp: Lamp, size: [u32; 2]) -> Vec<DVec3> {
+    let medium = scene.medium().unwrap();
+    let towards = lamp.direction(&scene.camera);
+    let light = |at_mm: DVec3| {
+        (-medium.thickness(&Ray { origin_mm: at_mm, direction: towards }, f64::INFINITY)).exp()
+    };
+    (0..size[0] * size[1])
+        .into_par_iter()
+        .map(|i| {
+            let pixel = DVec2::new(f64::from(i % size[0]), f64::from(i / size[0])) + 0.5;
+            let ray = scene.camera.ray(pixel, DVec2::new(f64::from(size[0]), f64::from(size[1])));
+            converged(&medium, &ray, 1.0, 1e-4, &light, DVec3::ZERO).radiance
+        })
+        .collect()
+}
+
+/// Root mean square difference from the exact integral of the same light, of pixels with opacity above 0.01.
+pub fn error(found: &[[f64; 4]], truth: &[DVec3]) -> f64 {
+    let (mut sum, mut n) = (0.0, 0.0);
+    for (found, truth) in found.iter().zip(truth).filter(|(f, _)| f[3] > 0.01) {
+        sum += (DVec3::new(found[0], found[1], found[2]) - *truth).length_squared();
+        n += 3.0;
+    }
+    assert!(n > 300.0, "{n}");
+    f64::sqrt(sum / n)
 }

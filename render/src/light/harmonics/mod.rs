@@ -38,7 +38,7 @@ use crate::{
     device::{
         Gpu, PassName, RenderError,
         buffers::{WRITTEN, at_offset},
-        pipelines::{BindingKind, bind_group_layout, compute_pipeline},
+        pipelines::{BindingKind, Pipelines, bind_group_layout, compute_pipeline},
         runner::{Dispatch, PassRunner, workgroups_of},
     },
     image::{ClipPlane, ContextVolume, TransferFunction, tables::Dimensions, volume::BRICK},
@@ -231,9 +231,9 @@ struct HarmonicLight {
     layout: wgpu::BindGroupLayout,
     open_layout: wgpu::BindGroupLayout,
     opaque_layout: wgpu::BindGroupLayout,
-    pipelines: Vec<((Dimensions, bool), wgpu::ComputePipeline)>,
+    pipelines: Pipelines<(Dimensions, bool)>,
     open_pipeline: Option<wgpu::ComputePipeline>,
-    opaque_pipelines: Vec<([bool; 2], wgpu::ComputePipeline)>,
+    opaque_pipelines: Pipelines<[bool; 2]>,
     cones: wgpu::Buffer,
     directions: wgpu::Buffer,
     basis: wgpu::Buffer,
@@ -342,9 +342,9 @@ impl HarmonicLight {
             layout: bind_group_layout(gpu, "HarmonicLight::layout", &kinds),
             open_layout: bind_group_layout(gpu, "HarmonicLight::open_layout", &of_open),
             opaque_layout: bind_group_layout(gpu, "HarmonicLight::opaque_layout", &of_opaque),
-            pipelines: Vec::new(),
+            pipelines: Pipelines::default(),
             open_pipeline: None,
-            opaque_pipelines: Vec::new(),
+            opaque_pipelines: Pipelines::default(),
             cones: gpu.uniform::<Cones>("HarmonicLight::cones"),
             directions: gpu.uniform::<Directions>("HarmonicLight::directions"),
             basis: gpu.uniform::<Basis>("HarmonicLight::basis"),
@@ -585,28 +585,20 @@ impl HarmonicLight {
         gpu: &Gpu,
         kind: (Dimensions, bool),
     ) -> Result<wgpu::ComputePipeline, RenderError> {
-        if let Some((_, known)) = self.pipelines.iter().find(|(known, _)| *known == kind) {
-            return Ok(known.clone());
-        }
-        let [gradient_counts, joint] = kind.0.constants();
-        let constants = [("with_masks", f64::from(u8::from(kind.1))), gradient_counts, joint];
-        let pipeline = compute_pipeline(gpu, "harmonics/project", Some(&self.layout), &constants)?;
-        gpu.check()?;
-        self.pipelines.push((kind, pipeline.clone()));
-        Ok(pipeline)
+        self.pipelines.get(gpu, kind, |(dimensions, with_masks)| {
+            let [gradient_counts, joint] = dimensions.constants();
+            let constants = [("with_masks", f64::from(u8::from(*with_masks))), gradient_counts, joint];
+            compute_pipeline(gpu, "harmonics/project", Some(&self.layout), &constants)
+        })
     }
 
     /// Compiled when first needed: whether normals are stored, and whether masks are stored as bricks.
     fn opaque_pipeline(&mut self, gpu: &Gpu, kind: [bool; 2]) -> Result<wgpu::ComputePipeline, RenderError> {
-        if let Some((_, known)) = self.opaque_pipelines.iter().find(|(known, _)| *known == kind) {
-            return Ok(known.clone());
-        }
-        let [stored_normals, masks] = kind.map(|on| f64::from(u8::from(on)));
-        let constants = [("stored_normals", stored_normals), ("stepped", masks), ("past_masks", masks)];
-        let pipeline = compute_pipeline(gpu, "harmonics/opaque", Some(&self.opaque_layout), &constants)?;
-        gpu.check()?;
-        self.opaque_pipelines.push((kind, pipeline.clone()));
-        Ok(pipeline)
+        self.opaque_pipelines.get(gpu, kind, |kind| {
+            let [stored_normals, masks] = kind.map(|on| f64::from(u8::from(on)));
+            let constants = [("stored_normals", stored_normals), ("stepped", masks), ("past_masks", masks)];
+            compute_pipeline(gpu, "harmonics/opaque", Some(&self.opaque_layout), &constants)
+        })
     }
 }
 

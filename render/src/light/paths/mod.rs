@@ -34,7 +34,7 @@ use crate::{
     device::{
         Gpu, PassName, RenderError,
         buffers::WRITTEN,
-        pipelines::{BindingKind, bind_group_layout, compute_pipeline},
+        pipelines::{BindingKind, Pipelines, bind_group_layout, compute_pipeline},
         runner::{Dispatch, PassRunner, Shader, workgroups_of},
     },
     image::{ContextVolume, TransferFunction, tables::Dimensions, uniforms::Context},
@@ -131,7 +131,7 @@ struct Bounds {
 /// The passes on the device.
 struct PathLight {
     layout: wgpu::BindGroupLayout,
-    pipelines: Vec<(Kind, wgpu::ComputePipeline)>,
+    pipelines: Pipelines<Kind>,
     buffers: Option<Buffers>,
     bounds: Option<Bounds>,
     /// For scenes without an image or bricks.
@@ -222,7 +222,7 @@ impl PathLight {
         ];
         Self {
             layout: bind_group_layout(gpu, "PathLight::layout", &kinds),
-            pipelines: Vec::new(),
+            pipelines: Pipelines::default(),
             buffers: None,
             bounds: None,
             placeholder: gpu.buffer("PathLight::placeholder", 16, WRITTEN),
@@ -412,26 +412,22 @@ impl PathLight {
     /// # Errors
     /// [`RenderError::Shader`].
     fn pipeline(&mut self, gpu: &Gpu, kind: Kind) -> Result<wgpu::ComputePipeline, RenderError> {
-        if let Some((_, known)) = self.pipelines.iter().find(|(known, _)| *known == kind) {
-            return Ok(known.clone());
-        }
         let flag = |on: bool| f64::from(u8::from(on));
-        let (file, constants) = match kind {
-            Kind::Judge => ("paths/judge", Vec::new()),
-            Kind::Surfaces { image, past_masks } => {
-                let dimensions = image.unwrap_or(Dimensions::Value).constants();
-                let own = [("through_image", flag(image.is_some())), ("past_masks", flag(past_masks))];
-                ("paths/surfaces", [own, dimensions].concat())
-            }
-            Kind::Image { image, past_masks } => {
-                let own = [("through_image", 1.0), ("past_masks", flag(past_masks))];
-                ("paths/image", [own, image.constants()].concat())
-            }
-        };
-        let pipeline = compute_pipeline(gpu, file, Some(&self.layout), &constants)?;
-        gpu.check()?;
-        self.pipelines.push((kind, pipeline.clone()));
-        Ok(pipeline)
+        self.pipelines.get(gpu, kind, |kind| {
+            let (file, constants) = match *kind {
+                Kind::Judge => ("paths/judge", Vec::new()),
+                Kind::Surfaces { image, past_masks } => {
+                    let dimensions = image.unwrap_or(Dimensions::Value).constants();
+                    let own = [("through_image", flag(image.is_some())), ("past_masks", flag(past_masks))];
+                    ("paths/surfaces", [own, dimensions].concat())
+                }
+                Kind::Image { image, past_masks } => {
+                    let own = [("through_image", 1.0), ("past_masks", flag(past_masks))];
+                    ("paths/image", [own, image.constants()].concat())
+                }
+            };
+            compute_pipeline(gpu, file, Some(&self.layout), &constants)
+        })
     }
 }
 

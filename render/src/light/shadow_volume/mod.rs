@@ -37,7 +37,7 @@ use crate::{
     device::{
         Gpu, PassName, RenderError,
         buffers::{WRITTEN, at_offset},
-        pipelines::{BindingKind, bind_group_layout, compute_pipeline},
+        pipelines::{BindingKind, Pipelines, bind_group_layout, compute_pipeline},
         runner::{Dispatch, PassRunner},
     },
     image::tables::Dimensions,
@@ -110,7 +110,7 @@ const NONE: u32 = u32::MAX;
 struct ShadowVolumeLight {
     layout: wgpu::BindGroupLayout,
     open_layout: wgpu::BindGroupLayout,
-    pipelines: Vec<((Dimensions, bool), wgpu::ComputePipeline)>,
+    pipelines: Pipelines<(Dimensions, bool)>,
     open_pipeline: Option<wgpu::ComputePipeline>,
     cells: CellLight,
     /// What a sweep carries, and the cells that there is room for.
@@ -209,7 +209,7 @@ impl ShadowVolumeLight {
         Self {
             layout: bind_group_layout(gpu, "ShadowVolumeLight::layout", &kinds),
             open_layout: bind_group_layout(gpu, "ShadowVolumeLight::open_layout", &of_open),
-            pipelines: Vec::new(),
+            pipelines: Pipelines::default(),
             open_pipeline: None,
             cells: CellLight::new(gpu),
             carried: None,
@@ -324,15 +324,11 @@ impl ShadowVolumeLight {
         gpu: &Gpu,
         kind: (Dimensions, bool),
     ) -> Result<wgpu::ComputePipeline, RenderError> {
-        if let Some((_, known)) = self.pipelines.iter().find(|(known, _)| *known == kind) {
-            return Ok(known.clone());
-        }
-        let [gradient_counts, joint] = kind.0.constants();
-        let constants = [("with_masks", f64::from(u8::from(kind.1))), gradient_counts, joint];
-        let pipeline = compute_pipeline(gpu, "shadow_volume/sweep", Some(&self.layout), &constants)?;
-        gpu.check()?;
-        self.pipelines.push((kind, pipeline.clone()));
-        Ok(pipeline)
+        self.pipelines.get(gpu, kind, |(dimensions, with_masks)| {
+            let [gradient_counts, joint] = dimensions.constants();
+            let constants = [("with_masks", f64::from(u8::from(*with_masks))), gradient_counts, joint];
+            compute_pipeline(gpu, "shadow_volume/sweep", Some(&self.layout), &constants)
+        })
     }
 }
 

@@ -2,12 +2,11 @@
 
 use std::sync::Arc;
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 use glioscope_core::{
     Grid,
-    optics::{Projection, Ray, Sight, march::converged, medium::Medium},
+    optics::{Projection, Sight},
 };
-use rayon::prelude::*;
 
 use super::{
     plan::{Sweep, cells_per_mm, sweep},
@@ -19,7 +18,10 @@ use crate::{
     image::{ControlPoint, TransferFunction},
     light::{
         cones::grid::Cells,
-        half_angle::{plan::turned, twin::LampTwin},
+        half_angle::{
+            plan::turned,
+            twin::{LampTwin, error, exact},
+        },
         suite::{cubic, image_of, lumps, scene},
     },
     scene::{Lamp, LampFrame, Quality},
@@ -65,37 +67,14 @@ fn light_along_an_axis_has_its_closed_form() {
     }
 }
 
-/// Root mean square difference from the exact integral of the same light, of pixels with opacity above 0.01.
-fn error(found: &[[f64; 4]], truth: &[DVec3]) -> f64 {
-    let (mut sum, mut n) = (0.0, 0.0);
-    for (found, truth) in found.iter().zip(truth).filter(|(f, _)| f[3] > 0.01) {
-        sum += (DVec3::new(found[0], found[1], found[2]) - *truth).length_squared();
-        n += 3.0;
-    }
-    assert!(n > 300.0, "{n}");
-    f64::sqrt(sum / n)
-}
-
 /// In docs/studies.md.
 #[test]
 fn smaller_cells_converge_to_the_exact_integral() {
     let size = [24, 22];
     let scene = scene(false, false, Projection::Perspective);
-    let medium = scene.medium().unwrap();
     let mut renderer = ContextRenderer::new(&GPU).unwrap();
     for lamp in [lamp(-45.0, 45.0), lamp(89.0, 0.0), lamp(130.0, -20.0)] {
-        let towards = lamp.direction(&scene.camera);
-        let light = |at_mm: DVec3| {
-            (-medium.thickness(&Ray { origin_mm: at_mm, direction: towards }, f64::INFINITY)).exp()
-        };
-        let truth: Vec<DVec3> = (0..size[0] * size[1])
-            .into_par_iter()
-            .map(|i| {
-                let pixel = DVec2::new(f64::from(i % size[0]), f64::from(i / size[0])) + 0.5;
-                let ray = scene.camera.ray(pixel, DVec2::new(f64::from(size[0]), f64::from(size[1])));
-                converged(&medium, &ray, 1.0, 1e-4, &light, DVec3::ZERO).radiance
-            })
-            .collect();
+        let truth = exact(&scene, lamp, size);
         let found = [8.0, 4.0, 2.0, 1.0].map(|mm| {
             let begin = std::time::Instant::now();
             let picture = drawn(&mut renderer, &scene, &lit(lamp, mm), size);

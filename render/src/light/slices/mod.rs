@@ -39,7 +39,7 @@ use crate::{
     device::{
         Gpu, PassName, RenderError,
         buffers::WRITTEN,
-        pipelines::{BindingKind, bind_group_layout, compute_pipeline},
+        pipelines::{BindingKind, Pipelines, bind_group_layout, compute_pipeline},
         runner::{Dispatch, PassRunner, workgroups_of},
     },
     image::{buffers::ImageBuffers, tables::Dimensions},
@@ -216,7 +216,7 @@ impl Buffers {
 /// The passes on the device.
 struct SliceLight {
     layout: wgpu::BindGroupLayout,
-    pipelines: Vec<(PipelineKey, wgpu::ComputePipeline)>,
+    pipelines: Pipelines<PipelineKey>,
     slices: wgpu::Buffer,
     buffers: Option<Buffers>,
     layers: LayerLight,
@@ -293,7 +293,7 @@ impl SliceLight {
         ];
         Self {
             layout: bind_group_layout(gpu, "SliceLight::layout", &kinds),
-            pipelines: Vec::new(),
+            pipelines: Pipelines::default(),
             slices: gpu.uniform::<uniforms::Slices>("SliceLight::slices"),
             buffers: None,
             layers: LayerLight::new(gpu),
@@ -459,38 +459,33 @@ impl SliceLight {
 
     /// The pipeline of a key, compiled when first needed.
     fn pipeline(&mut self, gpu: &Gpu, key: PipelineKey) -> Result<wgpu::ComputePipeline, RenderError> {
-        if let Some((_, pipeline)) = self.pipelines.iter().find(|(known, _)| *known == key) {
-            return Ok(pipeline.clone());
-        }
-        let variant = match key.variant {
-            SliceVariant::PaperExact => 0.0,
-            SliceVariant::PaperApproximate => 1.0,
-            SliceVariant::Mended => 2.0,
-        };
-        let flag = |on: bool| f64::from(u8::from(on));
-        let [gradient_counts, joint] = key.dimensions.constants();
-        let constants = [
-            ("variant", variant),
-            ("with_solid", flag(key.with_opaque)),
-            ("two_lights", flag(key.two_lights)),
-            ("one_slice", flag(key.one_slice)),
-            ("solid_lets_through", flag(key.opaque_transmits)),
-            ("solid_on_solid", flag(key.opaque_on_opaque)),
-            ("towards_lamp", flag(key.towards_lamp)),
-            ("ends_apart", flag(key.ends_apart)),
-            gradient_counts,
-            joint,
-            ("is_empty", flag(key.is_empty)),
-        ];
-        let pipeline = if key.is_begin {
-            let constants = [("two_lights", flag(key.two_lights))];
-            compute_pipeline(gpu, "slices/begin", Some(&self.layout), &constants)?
-        } else {
-            compute_pipeline(gpu, "slices/step", Some(&self.layout), &constants)?
-        };
-        gpu.check()?;
-        self.pipelines.push((key, pipeline.clone()));
-        Ok(pipeline)
+        self.pipelines.get(gpu, key, |key| {
+            let variant = match key.variant {
+                SliceVariant::PaperExact => 0.0,
+                SliceVariant::PaperApproximate => 1.0,
+                SliceVariant::Mended => 2.0,
+            };
+            let flag = |on: bool| f64::from(u8::from(on));
+            let [gradient_counts, joint] = key.dimensions.constants();
+            let constants = [
+                ("variant", variant),
+                ("with_solid", flag(key.with_opaque)),
+                ("two_lights", flag(key.two_lights)),
+                ("one_slice", flag(key.one_slice)),
+                ("solid_lets_through", flag(key.opaque_transmits)),
+                ("solid_on_solid", flag(key.opaque_on_opaque)),
+                ("towards_lamp", flag(key.towards_lamp)),
+                ("ends_apart", flag(key.ends_apart)),
+                gradient_counts,
+                joint,
+                ("is_empty", flag(key.is_empty)),
+            ];
+            if key.is_begin {
+                let constants = [("two_lights", flag(key.two_lights))];
+                return compute_pipeline(gpu, "slices/begin", Some(&self.layout), &constants);
+            }
+            compute_pipeline(gpu, "slices/step", Some(&self.layout), &constants)
+        })
     }
 }
 

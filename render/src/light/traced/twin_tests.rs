@@ -14,7 +14,7 @@ use crate::{
         horizon::twin::{Surface, filtered, worst_byte},
         suite::lit,
     },
-    scene::{Lens, LightingMode, Quality, RegionScene},
+    scene::{LightingMode, Quality, RegionScene},
     testing::{GPU, noise, scene_of, volume},
 };
 
@@ -55,14 +55,6 @@ fn is_enough(hidden: u32, traced: u32) -> bool {
     (p * (1.0 - p) / (12.0 * n)).sqrt() < 0.01
 }
 
-/// Where a ray leaves the lens.
-fn leaves(lens: Option<&Lens>, ray: &Ray) -> f64 {
-    let Some(lens) = lens else { return f64::INFINITY };
-    let from = ray.origin_mm - lens.center_mm;
-    let (b, inside) = (from.dot(ray.direction), lens.radius_mm.powi(2) - from.length_squared());
-    if inside > 0.0 { (b * b + inside).sqrt() - b } else { 0.0 }
-}
-
 /// Darkness of every pixel, 0 to 255; `None` on the background and where rounding decides.
 fn traced(surface: &Surface, scene: &RegionScene, radius_mm: f64, rays: u32) -> Vec<Option<f64>> {
     let tumor = scene.tumor.as_ref().unwrap();
@@ -98,7 +90,7 @@ fn traced(surface: &Surface, scene: &RegionScene, radius_mm: f64, rays: u32) -> 
             let (sin, cos) = (std::f64::consts::TAU * u.y).sin_cos();
             let w = a * (u.x.sqrt() * cos) + b * (u.x.sqrt() * sin) + n * (1.0 - u.x).sqrt();
             let ray = Ray { origin_mm, direction: surface.in_world(w) };
-            let far_mm = radius_mm.min(leaves(scene.lens.as_ref(), &ray));
+            let far_mm = radius_mm.min(scene.lens.map_or(f64::INFINITY, |lens| lens.leaves_mm(&ray)));
             hidden += u32::from(blocked(&voxels, &ray, far_mm)?);
             traced += 1;
         }

@@ -52,6 +52,15 @@ impl Samples {
     pub fn is_integer(&self) -> bool {
         !matches!(self, Self::F32(_) | Self::F64(_))
     }
+
+    /// Number of voxels that are NaN or infinite.
+    pub fn not_finite(&self) -> usize {
+        match self {
+            Self::F32(values) => values.iter().filter(|value| !value.is_finite()).count(),
+            Self::F64(values) => values.iter().filter(|value| !value.is_finite()).count(),
+            _ => 0,
+        }
+    }
 }
 
 /// Values this close to an integer count as that label: a slope stored as `f32` turns 3 into 3.0000001.

@@ -4,14 +4,19 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use glioscope_core::{
-    change::{self, ChangeError, ChangeOptions, ChangeReport, DEFAULT_SMALLEST_ML, Flag, Lengths},
+    change::{self, ChangeOptions, ChangeReport, DEFAULT_SMALLEST_ML, Flag, Lengths},
     decimal,
     self_check::{self, Options, SelfCheckReport, Target},
     skeleton::{Level, SkeletonOptions},
 };
 
 use super::{case::CaseArguments, parse, resolve, terminal};
-use crate::{error::AppError, format, model::lesions::SMALLEST_ML, output};
+use crate::{
+    error::AppError,
+    format,
+    model::{REGISTRATION_MM, lesions::SMALLEST_ML},
+    output,
+};
 
 /// Level of detail of the skeleton.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -66,7 +71,7 @@ pub struct ChangeArguments {
     pub force: bool,
     /// Registration error between the dates, in millimetres (standard deviation).
     /// Without it 0.5, or what the consistency of --register says.
-    #[arg(long, value_name = "X", allow_hyphen_values = true)]
+    #[arg(long, value_name = "X", value_parser = parse::within(REGISTRATION_MM), allow_hyphen_values = true)]
     pub registration_mm: Option<f64>,
     /// Smaller components make neither appeared, vanished, split nor merged.
     #[arg(long, value_name = "ML", value_parser = parse::within(SMALLEST_ML), default_value_t = DEFAULT_SMALLEST_ML, allow_hyphen_values = true)]
@@ -91,14 +96,7 @@ pub(super) fn run(arguments: &ChangeArguments) -> Result<(), AppError> {
     let choice = resolve::change(&case, of, from, to)?;
     let result =
         terminal::with_progress(|progress| change::between(&case, &choice, &options, None, progress));
-    let (report, change) = result.map_err(|error| match error {
-        ChangeError::Registration(mm) => AppError::wrong(
-            "--registration-mm",
-            format!("a registration error of {mm} mm"),
-            "a finite number of at least 0",
-        ),
-        error => error.into(),
-    })?;
+    let (report, change) = result?;
     terminal::notes(report.own_warnings(&case));
     if let Some(path) = &arguments.csv {
         output::write(path, &case.inputs, &change::csv(&change))?;

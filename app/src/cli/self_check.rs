@@ -11,7 +11,11 @@ use glioscope_core::{
 };
 
 use super::{case::CaseArguments, parse, terminal};
-use crate::{error::AppError, format, model::lesions::SMALLEST_ML};
+use crate::{
+    error::AppError,
+    format,
+    model::{REGISTRATION_MM, lesions::SMALLEST_ML},
+};
 
 /// Arguments of `self-check`.
 #[derive(Debug, Args)]
@@ -39,7 +43,7 @@ pub struct SelfCheckArguments {
     pub seed: u64,
     /// Registration error between the dates, in millimetres (standard deviation).
     /// Without it 0.5, or what the consistency of --register says.
-    #[arg(long, value_name = "X", value_parser = parse::within(0.0..=20.0), allow_hyphen_values = true)]
+    #[arg(long, value_name = "X", value_parser = parse::within(REGISTRATION_MM), allow_hyphen_values = true)]
     pub registration_mm: Option<f64>,
     /// Smaller components make neither appeared, vanished, split nor merged.
     #[arg(long, value_name = "ML", value_parser = parse::within(SMALLEST_ML), default_value_t = DEFAULT_SMALLEST_ML, allow_hyphen_values = true)]

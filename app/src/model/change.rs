@@ -11,6 +11,8 @@ use serde::{Deserialize, Serialize};
 
 /// Ends of the scale of change that can be fixed, millimetres.
 pub const CHANGE_SCALE_MM: RangeInclusive<f64> = 0.1..=1000.0;
+/// Registration error that can be stated: standard deviation along any direction.
+pub const REGISTRATION_MM: RangeInclusive<f64> = 0.0..=20.0;
 
 /// The mask and time points compared, and how their change is drawn.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -34,7 +34,7 @@ pub mod transfer_file;
 
 pub use accepted::{Answer, Answers};
 pub use agreement::AgreementSetting;
-pub use change::{CHANGE_SCALE_MM, ChangeSetting};
+pub use change::{CHANGE_SCALE_MM, ChangeSetting, REGISTRATION_MM};
 pub use document::{CaseRef, Document, Edit, KeyPicture, Navigation};
 pub use ellipsoids::{ComponentOf, EllipsoidKind, EllipsoidLook, EllipsoidOpacity};
 pub use fibers::{FiberColor, FiberLook};

@@ -30,20 +30,29 @@ pub fn blocks(
 ) -> Vec<Block> {
     let Evaluated { response, proposed_links, .. } = evaluated;
     let criteria = ("criteria", response.criterion.name().to_owned());
-    let head = ["date", "by-diameters", "by-volume", "from-baseline", "from-nadir"];
+    let head = [
+        "date",
+        "by-diameters",
+        "by-volume",
+        "from-baseline",
+        "from-nadir",
+        "volume-from-baseline",
+        "volume-from-nadir",
+    ];
     let row = |date: &DateResponse| {
-        let (diameters, volume) = (&date.by_diameters, &date.by_volume);
-        let sum = diameters.sums.first();
-        let change = |percent: &dyn Fn(&SumReport) -> Option<f64>| {
-            sum.and_then(percent).map(|p| signed(p, words)).unwrap_or_default()
+        let ways = [&date.by_diameters, &date.by_volume];
+        // Of mixed disease each compartment has a sum, in the order of the tables of targets.
+        let changes = |judgement: &Judgement, percent: fn(&SumReport) -> Option<f64>| {
+            let all = judgement.sums.iter().filter_map(percent).map(|p| signed(p, words));
+            all.collect::<Vec<_>>().join("; ")
         };
-        vec![
-            date.date.clone(),
-            call(diameters, words),
-            call(volume, words),
-            change(&|sum| sum.change_from_baseline_percent),
-            change(&|sum| sum.change_from_nadir_percent),
-        ]
+        let changes = ways.into_iter().flat_map(|way| {
+            let of: [fn(&SumReport) -> Option<f64>; 2] =
+                [|sum| sum.change_from_baseline_percent, |sum| sum.change_from_nadir_percent];
+            of.map(|percent| changes(way, percent))
+        });
+        let calls = ways.map(|way| call(way, words));
+        std::iter::once(date.date.clone()).chain(calls).chain(changes).collect()
     };
     let mut blocks = vec![
         Block::Heading(words.with("section-response", std::slice::from_ref(&criteria))),

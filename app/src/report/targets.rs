@@ -24,7 +24,8 @@ pub fn blocks(
         let baseline = sum.baseline.as_ref()?;
         let dates = [baseline.date.as_str(), last.date.as_str()];
         let of = Targets { lesions, words, redactor, dates };
-        Some(Block::Table(of.table(sum)))
+        let by_volume = last.by_volume.sums.iter().find(|by_volume| by_volume.compartment == sum.compartment);
+        Some(Block::Table(of.table(sum, by_volume)))
     });
     let tables: Vec<Block> = tables.collect();
     if tables.is_empty() {
@@ -42,7 +43,8 @@ struct Targets<'a> {
 }
 
 impl Targets<'_> {
-    fn table(&self, sum: &SumReport) -> Table {
+    /// The lesions by diameters, and below them the sums by diameters and by volume.
+    fn table(&self, sum: &SumReport, by_volume: Option<&SumReport>) -> Table {
         let words = self.words;
         let role = |is_target: bool| words.get(if is_target { "is-target" } else { "is-not-target" });
         let mut rows: Vec<Vec<String>> =
@@ -50,16 +52,17 @@ impl Targets<'_> {
         let report = self.lesions.into_iter();
         let new = report.flat_map(new_lesions).filter(|(_, date)| date.time == self.dates[1]);
         rows.extend(new.map(|(name, _)| self.row(name, words.get("is-new"), sum.quantity)));
-        let total =
-            |value: Option<f64>| value.map_or_else(|| words.get("unknown"), |v| self.sum(v, sum.quantity));
         let change = |percent: Option<f64>| percent.map(|p| signed(p, words)).unwrap_or_default();
-        rows.push(vec![
-            words.get("sum-of-targets"),
-            String::new(),
-            total(sum.baseline.as_ref().map(|of| of.sum)),
-            total(sum.sum),
-            change(sum.change_from_baseline_percent),
-        ]);
+        let total = |key: &str, sum: &SumReport| {
+            let total = |value: Option<f64>| {
+                value.map_or_else(|| words.get("unknown"), |v| self.sum(v, sum.quantity))
+            };
+            let baseline = total(sum.baseline.as_ref().map(|of| of.sum));
+            let percent = change(sum.change_from_baseline_percent);
+            vec![words.get(key), String::new(), baseline, total(sum.sum), percent]
+        };
+        rows.push(total("sum-of-targets", sum));
+        rows.extend(by_volume.map(|by_volume| total("volume-of-targets", by_volume)));
         // The lowest sum where it isn't the baseline's.
         let lowest = sum.nadir.as_ref().filter(|lowest| lowest.date != self.dates[0]);
         let lowest = lowest.map(|lowest| {
@@ -118,7 +121,10 @@ impl Targets<'_> {
     }
 
     fn sum(&self, value: f64, quantity: Quantity) -> String {
-        let unit = if quantity == Quantity::LongestMm { "mm" } else { "mm²" };
-        self.words.number(&format!("{value:.1} {unit}"))
+        match quantity {
+            Quantity::VolumeMl => self.words.ml(value),
+            Quantity::LongestMm => self.words.number(&format!("{value:.1} mm")),
+            Quantity::ProductMm2 => self.words.number(&format!("{value:.1} mm²")),
+        }
     }
 }

@@ -18,7 +18,10 @@ use super::{
 use crate::{
     command::{Commands, EditCommand},
     format,
-    model::{CHANGE_SCALE_MM, ChangeSetting, PaneId, document::tumor_radius_mm, lesions::SMALLEST_ML},
+    model::{
+        CHANGE_SCALE_MM, ChangeSetting, PaneId, REGISTRATION_MM, document::tumor_radius_mm,
+        lesions::SMALLEST_ML,
+    },
     theme::{self, LABEL_POINTS, Tokens},
     world::{
         comparison::Comparison,
@@ -363,7 +366,8 @@ fn measures(ui: &mut Ui, input: &Input<'_>, new: &mut ChangeSetting, scale_mm: O
         ui.label(text)
             .on_hover_text("From the consistency of the registration that was run (standard deviation)");
     } else {
-        let drag = egui::DragValue::new(&mut new.registration_mm).range(0.0..=20.0).speed(0.02).suffix(" mm");
+        let drag =
+            egui::DragValue::new(&mut new.registration_mm).range(REGISTRATION_MM).speed(0.02).suffix(" mm");
         let response = ui.add(drag.prefix("registration ± "));
         response.widget_info(|| WidgetInfo::labeled(Role::SpinButton, true, "Registration error"));
         response.on_hover_text("How far off the two dates may lie from one another (standard deviation)");

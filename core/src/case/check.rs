@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::{CaseMask, CaseSpec, OrderBasis, names::at_time, native::NativeMask, values::Meaning};
 use crate::{
-    Check, Components, Connectivity, Grid, Mask, Regions, Sides,
+    Check, Components, Connectivity, Grid, Mask, Regions, Sides, Volume,
     dates::{is_shaped_as_date, iso_date},
     decimal,
     grid::ijk,
@@ -186,6 +186,19 @@ fn sides(spec: &CaseSpec, masks: &[NativeMask], images: &[(usize, &str, &Grid)])
         ));
     }
     checks
+}
+
+/// What of an image's voxels can't be shown.
+pub(super) fn image_values(volume: &Volume) -> Option<Check> {
+    let (lost, all) = (volume.samples().not_finite(), volume.samples().len());
+    let text = format!(
+        "found {lost} of {all} voxels that are NaN or infinite, expected numbers; they are not drawn"
+    );
+    match lost {
+        0 => None,
+        _ if lost == all => Some(Check::warning("image-not-finite", text)),
+        _ => Some(Check::note("image-not-finite", text)),
+    }
 }
 
 /// Findings on the masks' and images' native grids. `images`: time, id, grid.

@@ -198,6 +198,9 @@ fn read_one(
         let text = format!("found {} frames, expected one; the first is shown", loaded.frames);
         checks.push(Check::warning("first-frame-only", text));
     }
+    if !job.contexts.is_empty() {
+        checks.extend(check::image_values(&loaded.volume));
+    }
     let findings = checks.into_iter().map(|check| Finding::new(id, time, job.source, check)).collect();
     let stated = loaded.origin.map(|origin| Stated {
         id: id.to_owned(),

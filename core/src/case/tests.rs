@@ -524,6 +524,26 @@ fn voxels_that_are_not_finite_are_counted_and_inactive() {
 }
 
 #[test]
+fn voxels_of_an_image_that_are_not_finite_are_told() {
+    let found = |values: Vec<f32>| {
+        let shown = Volume::new(grid(1.0, 0.0), Samples::F32(values), Scaling::NONE).unwrap();
+        let spec = case_of(vec![image("T1", "image", None)], vec![mask("A", "float", None)]);
+        let ones = Volume::new(grid(1.0, 0.0), Samples::U8(vec![1; 1000]), Scaling::NONE).unwrap();
+        let case = load_plain(&spec, &[("image", shown), ("float", ones)]);
+        let found = case.checks.into_iter().find(|check| check.code == "image-not-finite");
+        found.map(|check| (check.severity, check.message))
+    };
+    let mut values = vec![2.0; 1000];
+    assert_eq!(found(values.clone()), None);
+    values[7] = f32::NAN;
+    values[8] = f32::INFINITY;
+    let (severity, text) = found(values).unwrap();
+    assert_eq!(severity, Severity::Note);
+    assert!(text.contains("found 2 of 1000 voxels"), "{text}");
+    assert_eq!(found(vec![f32::NAN; 1000]).unwrap().0, Severity::Warning);
+}
+
+#[test]
 fn cancelling_and_failed_reads_abort_loading() {
     let spec = case_of(vec![], vec![mask("A", "a", None)]);
     let progress = Progress::new();

@@ -71,7 +71,7 @@ impl Judge<'_> {
             [only] => *only,
             kinds => {
                 let input = (Input::CallAt, Some(scan), explored.given.is_some());
-                Look(Some(ask)).fact(None, input, kinds).unwrap_or(Kind::CannotSay)
+                Look::Asking(ask).fact(None, input, kinds).unwrap_or(Kind::CannotSay)
             }
         }
     }
@@ -157,7 +157,7 @@ impl Judge<'_> {
         let trial_days = self.rules.history.trial.confirm_progression_days.as_ref();
         let trial_days = trial_days.map(|stated| f64::from(stated.value));
         if criterion == Criterion::ImmunoRano && self.in_immunotherapy_window(at, ask, &mut reasons) {
-            if self.clinical(at, &mut Look(Some(ask))) == Some(Clinical::MuchWorse) {
+            if self.clinical(at, &mut Look::Asking(ask)) == Some(Clinical::MuchWorse) {
                 reasons.push(Reason::of(RuleId::ImmunotherapyMuchWorse, say::CLINICALLY_MUCH_WORSE));
                 return outcome(Call::Progression, None, reasons);
             }
@@ -201,7 +201,7 @@ impl Judge<'_> {
             }
             None => {
                 let input = (Input::RadiotherapyEnd, None, false);
-                let within = Look(Some(ask)).fact(None, input, &[false, true])?;
+                let within = Look::Asking(ask).fact(None, input, &[false, true])?;
                 within.then(|| say::WITHIN_RADIOTHERAPY.with([("most", Value::number(most))]))
             }
         }
@@ -215,14 +215,14 @@ impl Judge<'_> {
         }
         let options = [Disease::NewlyDiagnosed, Disease::Recurrent];
         let known = value(history.disease.as_ref());
-        let disease = Look(Some(ask)).fact(known, (Input::Disease, None, false), &options);
+        let disease = Look::Asking(ask).fact(known, (Input::Disease, None, false), &options);
         disease == Some(Disease::NewlyDiagnosed)
     }
 
     /// What makes progression in the window after radiotherapy, if it is there.
     fn accepted(&self, at: usize, ask: &mut Ask) -> Option<Phrase> {
         let facts = self.facts(at);
-        let mut look = Look(Some(ask));
+        let mut look = Look::Asking(ask);
         if self.rules.history.criterion != Criterion::Rano20 {
             let field = facts.and_then(|facts| facts.field.as_ref());
             let input = (Input::Field, Some(at), false);
@@ -245,7 +245,7 @@ impl Judge<'_> {
         let id = RuleId::ImmunotherapyWindow;
         let Some(treatments) = &self.rules.history.treatment else {
             let input = (Input::Treatment, None, false);
-            return Look(Some(ask)).fact(None, input, &[false, true]) == Some(true);
+            return Look::Asking(ask).fact(None, input, &[false, true]) == Some(true);
         };
         let starts = treatments.iter().filter(|t| t.kind == TreatmentKind::Immunotherapy).map(|t| t.start);
         let start = starts.filter(|start| start.number() <= scan.day).max_by_key(|start| start.number());

@@ -6,6 +6,7 @@ use super::{
     history::{Assessment, History, HistoryError, MAX_MEASUREMENTS, MAX_SCANS, Measurement, VERSION},
     rules::{Criterion, RuleId, rule},
 };
+use crate::dates::iso_date;
 
 /// Maximum size of a history in bytes.
 const MAX_BYTES: usize = 1 << 20;
@@ -133,6 +134,13 @@ impl History {
         for name in self.treatment.iter().flatten().filter_map(|treatment| treatment.name.as_ref()) {
             named("history, treatment", "name", name)?;
         }
+        let mut authorship = Ok(());
+        self.clone().each_statement(&mut |author, entered| {
+            if authorship.is_ok() {
+                authorship = stated_by(author.as_deref(), entered.as_deref());
+            }
+        });
+        authorship?;
         for facts in &self.date {
             let place = format!("history, [[date]] {}", facts.date);
             named(&place, "date", &facts.date.0)?;
@@ -226,6 +234,17 @@ fn named(place: &str, key: &str, text: &str) -> Result<(), HistoryError> {
         return Err(wrong(place, found, format!("a text of 1 to {MAX_TEXT} bytes in one line")));
     }
     Ok(())
+}
+
+/// Checks who stated a fact, and when.
+fn stated_by(author: Option<&str>, entered: Option<&str>) -> Result<(), HistoryError> {
+    author.map_or(Ok(()), |author| named("history", "author", author))?;
+    match entered {
+        Some(day) if iso_date(day).is_none() => {
+            Err(wrong("history", format!("entered = {day:?}"), "an ISO date, such as 2024-05-01"))
+        }
+        _ => Ok(()),
+    }
 }
 
 fn in_range(place: &str, key: &str, value: Option<f64>, least: f64, most: f64) -> Result<(), HistoryError> {

@@ -264,7 +264,7 @@ impl Judge<'_> {
         let (now, before) = (self.stated_dose(at), self.stated_dose(self.baseline));
         let here = (Input::Steroids, Some(at), true);
         let there = (Input::Steroids, Some(self.baseline), true);
-        let mut look = Look(Some(ask));
+        let mut look = Look::Asking(ask);
         let raised_or_not = [Dose::NotRaised, Dose::Raised];
         match (now, before) {
             (Some(_), _) => look.fact(None, there, &raised_or_not),

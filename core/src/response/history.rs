@@ -372,7 +372,7 @@ impl History {
     /// Without who stated its facts, and when. What the program proposed stays told from what somebody stated.
     #[must_use]
     pub fn without_authors(mut self) -> Self {
-        self.each_statement(&|author, entered| {
+        self.each_statement(&mut |author, entered| {
             author.take_if(|author| author != PROGRAM);
             *entered = None;
         });
@@ -381,7 +381,7 @@ impl History {
 
     /// What was stated on `day` without a name gets `author`'s.
     pub fn sign(&mut self, author: &str, day: &str) {
-        self.each_statement(&|own, entered| {
+        self.each_statement(&mut |own, entered| {
             if own.is_none() && entered.as_deref() == Some(day) {
                 *own = Some(author.to_owned());
             }
@@ -389,8 +389,14 @@ impl History {
     }
 
     /// Calls `change` with author and day of each fact that has them.
-    fn each_statement(&mut self, change: &dyn Fn(&mut Option<String>, &mut Option<String>)) {
-        fn on<T>(fact: &mut Option<Fact<T>>, change: &dyn Fn(&mut Option<String>, &mut Option<String>)) {
+    pub(super) fn each_statement(
+        &mut self,
+        change: &mut dyn FnMut(&mut Option<String>, &mut Option<String>),
+    ) {
+        fn on<T>(
+            fact: &mut Option<Fact<T>>,
+            change: &mut dyn FnMut(&mut Option<String>, &mut Option<String>),
+        ) {
             if let Some(fact) = fact {
                 change(&mut fact.author, &mut fact.entered);
             }

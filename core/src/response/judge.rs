@@ -20,8 +20,15 @@ pub(super) struct Judge<'a> {
     pub lines: Vec<Line<'a>>,
 }
 
-/// Reads facts; asks for unknown ones where it may.
-pub(super) struct Look<'l>(pub Option<&'l mut Ask>);
+/// How unknown facts are read.
+pub(super) enum Look<'l> {
+    /// They stay unknown.
+    Known,
+    /// Those of which something is assumed as long as nothing is stated are as assumed.
+    Assuming,
+    /// They are asked for.
+    Asking(&'l mut Ask),
+}
 
 impl Look<'_> {
     /// The known value, or one of `options`; `None` where nothing is asked.
@@ -31,10 +38,11 @@ impl Look<'_> {
         (input, scan, assumed): (Input, Option<usize>, bool),
         options: &[T],
     ) -> Option<T> {
-        match (known, &mut self.0) {
+        match (known, self) {
             (Some(known), _) => Some(known),
-            (None, Some(ask)) => ask.choose(input, scan, assumed, options),
-            (None, None) => None,
+            (None, Self::Asking(ask)) => ask.choose(input, scan, assumed, options),
+            (None, Self::Assuming) => options.first().copied().filter(|_| assumed),
+            (None, Self::Known) => None,
         }
     }
 }

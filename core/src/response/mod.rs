@@ -172,7 +172,8 @@ fn judged(judge: &Judge<'_>, at: usize, patterns: &call::Patterns) -> Judgement 
         explored.missing.iter().map(|&(unknown, assumed)| judge.missing(unknown, assumed)).collect();
     let outcome = explored.given.unwrap_or_else(|| {
         let open = calls(&explored.under_assumptions);
-        let open: Vec<Phrase> = open.into_iter().map(|call| call.template().into()).collect();
+        let words = |call| if call == Call::CannotSay { say::STILL_NO_CALL } else { call.template() };
+        let open: Vec<Phrase> = open.into_iter().map(|call| words(call).into()).collect();
         let words: Phrase = if explored.complete {
             say::LEAVES.with([("calls", Value::joined("; ", open))])
         } else {

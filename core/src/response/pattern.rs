@@ -55,16 +55,27 @@ impl Judge<'_> {
             &|look| self.flair_effect(at, look),
             &|look| self.clinical_effect(at, look),
         ];
-        let known: Vec<Effect> = effects.iter().map(|effect| effect(&mut Look(None))).collect();
+        let known: Vec<Effect> = effects.iter().map(|effect| effect(&mut Look::Known)).collect();
         let progressions = || known.iter().filter_map(Effect::progression);
         if progressions().next().is_some() {
             let dated = progressions().filter_map(|(_, dated)| dated).min();
-            let reasons = progressions().map(|(reason, _)| reason.clone()).collect();
+            let mut reasons: Vec<Reason> = progressions().map(|(reason, _)| reason.clone()).collect();
+            // What would make progression by an assumption is said beside it, but asks for nothing.
+            let unknown = effects.iter().zip(&known).filter(|(_, known)| matches!(known, Effect::Unknown));
+            reasons.extend(unknown.filter_map(|(effect, _)| {
+                let effect = effect(&mut Look::Assuming);
+                let (Reason { rule, phrase, .. }, _) = effect.progression()?;
+                let words = say::AS_ASSUMED.with([("reason", phrase.clone().into())]);
+                Some(
+                    rule.map_or_else(|| Reason::plain(words.clone()), |rule| Reason::of(rule, words.clone())),
+                )
+            }));
             return Pattern { kind: Kind::Progression, reasons, dated };
         }
         let (mut reasons, mut blocks) = (Vec::new(), Vec::new());
         for (effect, known) in effects.iter().zip(known) {
-            let effect = if matches!(known, Effect::Unknown) { effect(&mut Look(Some(ask))) } else { known };
+            let effect =
+                if matches!(known, Effect::Unknown) { effect(&mut Look::Asking(ask)) } else { known };
             match effect {
                 Effect::Progression(reason, dated) => {
                     return Pattern { kind: Kind::Progression, reasons: vec![reason], dated };
@@ -83,14 +94,15 @@ impl Judge<'_> {
 
     /// Response or stable disease: what steroids and the lesions that aren't targets allow.
     fn without_progression(&self, at: usize, ask: &mut Ask, mut reasons: Vec<Reason>) -> Pattern {
-        let together = self.together(at, &mut Look(Some(ask))).map(|(together, _)| together);
+        let together = self.together(at, &mut Look::Asking(ask)).map(|(together, _)| together);
         let mut kind = match together {
             Some(Together::Category(Category::Complete)) => Kind::Complete,
             Some(Together::Category(Category::Partial)) => Kind::Partial,
             Some(Together::Category(Category::Minor)) => Kind::Minor,
             _ => Kind::Stable,
         };
-        if kind == Kind::Complete && self.non_target(at, &mut Look(Some(ask))) == Some(NonTarget::NotWorse) {
+        if kind == Kind::Complete && self.non_target(at, &mut Look::Asking(ask)) == Some(NonTarget::NotWorse)
+        {
             kind = Kind::Partial;
             reasons.push(Reason::of(RuleId::CompleteResponse, say::NON_TARGET_REMAIN));
         }
@@ -134,7 +146,7 @@ impl Judge<'_> {
         let values =
             [("steroids", self.dose_words(at).into()), ("by", Value::after(" ", fact.and_then(Fact::by)))];
         let options = [SteroidReason::Other, SteroidReason::Tumour];
-        let why = Look(Some(ask)).fact(value(fact), (Input::SteroidsReason, Some(at), false), &options);
+        let why = Look::Asking(ask).fact(value(fact), (Input::SteroidsReason, Some(at), false), &options);
         if why == Some(SteroidReason::Tumour) {
             let mut first = at;
             while first > self.baseline + 1 && self.known_dose(first - 1) == Some(Dose::Raised) {

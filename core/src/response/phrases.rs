@@ -66,6 +66,7 @@ templates! {
     CALL_PD_PRELIMINARY = "PD, preliminary";
     CALL_OBSERVE = "neither SD nor PD, observe";
     CALL_CANNOT_SAY = "cannot say";
+    STILL_NO_CALL = "still no call";
 
     // New lesions, lesions that aren't targets, T2/FLAIR, clinical state.
     EQUIVOCAL_WAIT = "equivocal new lesion: wait; if it turns out to be one, progression is dated from here{by}";
@@ -102,6 +103,7 @@ templates! {
     FROM_BASELINE = "{change} from the baseline, threshold -{threshold} %";
     FROM_BASELINE_ALONE = "{change} from the baseline";
     JOINED = "{reasons}";
+    AS_ASSUMED = "{reason}, if the technique is unchanged";
     IS_IT_NEW = "{reasons}; state whether it is a new lesion";
     REASONS_UNSTATED = "{reasons}; {unstated}";
     MIXED_UNSTATED = "{reasons}; minor response of one compartment and partial response of the other: not stated by the source";

@@ -76,6 +76,7 @@ finding-label-missing = Einige der verlangten Labels fehlen in der Datei.
 finding-mask-soft = Eine Maske besteht aus Wahrscheinlichkeiten; über 50 % gilt als aktiv.
 finding-mask-looks-like-image = Eine Maske sieht aus wie ein Bild.
 finding-non-integer-label-map = Voxel einer Labelkarte bedeuten kein Label; sie sind nicht aktiv.
+finding-image-not-finite = Voxel eines Bildes sind keine Zahlen oder unendlich; sie werden nicht gezeichnet.
 finding-mask-not-finite = Voxel einer Maske sind keine Zahlen oder unendlich; sie sind nicht aktiv.
 finding-first-frame-only = Eine Datei hat mehrere Volumen; das erste wird verwendet.
 finding-mask-outside-image = Teile einer Maske liegen außerhalb aller Bilder des Zeitpunkts.

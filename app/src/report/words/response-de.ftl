@@ -56,6 +56,7 @@ reason-call-pd = { call-PD }
 reason-call-pd-preliminary = { call-PD--preliminary }
 reason-call-observe = { call-neither-SD-nor-PD--observe }
 reason-call-cannot-say = { call-cannot-say }
+reason-still-no-call = weiterhin keine Einstufung
 
 reason-equivocal-wait = fragliche neue Läsion: abwarten; bestätigt sie sich, wird das Fortschreiten auf diese Untersuchung datiert{ $by }
 reason-equivocal-unstated = fragliche neue Läsion{ $by }: { $unstated }
@@ -89,6 +90,7 @@ reason-after-zero = +{ $threshold } % oder mehr gegenüber einer früheren Summe
 reason-from-baseline = { $change } gegenüber dem Ausgangsbefund, Schwelle −{ $threshold } %
 reason-from-baseline-alone = { $change } gegenüber dem Ausgangsbefund
 reason-joined = { $reasons }
+reason-as-assumed = { $reason }, falls die Technik unverändert ist
 reason-is-it-new = { $reasons }; bitte angeben, ob es eine neue Läsion ist
 reason-reasons-unstated = { $reasons }; { $unstated }
 reason-mixed-unstated = { $reasons }; geringes Ansprechen des einen und teilweises des anderen Anteils: in der Quelle nicht geregelt

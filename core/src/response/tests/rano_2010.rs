@@ -38,6 +38,9 @@ pub static TABLE: &[Made] = &[
     m("non-target disease gone as well", R10, "", "0 A=20x10 | 56 A=gone nt=gone | 90 A=gone nt=gone", (1, 'd'), "CR", "complete_response"),
     m("FLAIR significantly worse", R10, "", "0 A=20x10 | 56 A=10x10 fl=worse", (1, 'd'), "PD", "flair"),
     m("clinically worse", R10, "", "0 A=20x10 | 56 A=10x10 cl=worse", (1, 'd'), "PD", "clinical"),
+    m("clinically worse beside growth, technique unknown", R10, "", "0 A=20x10 | 56 A=25x10 cl=worse ?tech", (1, 'd'), "PD", "progression"),
+    m("clinically worse, not grown, technique unknown", R10, "", "0 A=20x10 | 56 A=20x10 cl=worse ?tech", (1, 'd'), "PD", "clinical"),
+    m("new lesion beside growth, technique unknown", R10, "", "0 A=20x10 | 56 A=25x10 new=measurable ?tech", (1, 'd'), "PD", "progression"),
     m("clinically better", R10, "", "0 A=20x10 | 56 A=20x10 cl=better", (1, 'd'), "SD", "stable_disease"),
 
     m("gone under steroids", R10, "", "0 A=20x10 st=2 | 56 A=gone st=2 | 90 A=gone st=2", (1, 'd'), "PR", "steroids_none"),

@@ -93,6 +93,18 @@ fn each_error_is_one_line_with_what_was_found_and_expected() {
             replaced("author = \"A. B.\", entered = \"", "auther = \"A. B.\", entered = \""),
             "found unknown key `auther`",
         ),
+        (
+            replaced("entered = \"2024-03-02\"", "entered = \"yesterday\""),
+            "found entered = \"yesterday\", expected an ISO date",
+        ),
+        (
+            replaced("entered = 2024-05-01 }\nradio", "entered = true }\nradio"),
+            "found entered = \"true\", expected an ISO date",
+        ),
+        (
+            replaced("author = \"A. B.\", entered = 2024-05-01 }]", "author = \" \" }]"),
+            "found author = \" \", expected a text",
+        ),
         (replaced("\"worse\"", "\"bad\""), "found unknown variant `bad`, expected one of `stable`"),
         (
             replaced("steroids_mg = 2", "steroids_mg = -2"),

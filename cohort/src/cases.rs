@@ -20,7 +20,7 @@ const MAX_LABEL_BYTES: usize = 200;
 /// What BIDS puts before a participant's label.
 const SUBJECT: &str = "sub-";
 /// The file that makes a folder a BIDS data set.
-const DESCRIPTION: &str = "dataset_description.json";
+pub(crate) const DESCRIPTION: &str = "dataset_description.json";
 
 /// One case of a cohort.
 #[derive(Clone, Debug, PartialEq, Eq)]

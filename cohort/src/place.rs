@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `cases/LABEL/` | the results of a case |
 //! | `tables/` | the tables of the cohort |
+//! | `dataset_description.json` | what made them, in the form of BIDS |
 //! | `.parts/NAME/` | what the holder of the lock `NAME` is making; whoever gets the lock removes what a killed run left |
 //! | `.locks/NAME` | empty files, locked as long as a run works on `NAME`; the system frees them when a run is killed |
 
@@ -12,13 +13,18 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use glioscope_core::{digest::Digest, files::absolute};
+use glioscope_core::{
+    digest::Digest,
+    files::{absolute, write_whole},
+};
 
-use crate::CohortError;
+use crate::{CohortError, cases::DESCRIPTION};
 
 const WRITABLE: &str = "a place that can be written";
 /// Where a BIDS data set keeps what was computed from it.
 const DERIVATIVES: &str = "derivatives";
+/// The version of BIDS whose form of derived data is kept to.
+const BIDS_VERSION: &str = "1.10.0";
 
 /// The folder of a cohort's results.
 #[derive(Clone, Debug)]
@@ -42,6 +48,24 @@ impl Place {
     /// The folder itself.
     pub fn folder(&self) -> &Path {
         &self.0
+    }
+
+    /// Writes what BIDS requires of derived data, unless a description is there already.
+    ///
+    /// # Errors
+    /// [`CohortError`] where it can't be written.
+    pub(crate) fn describe(&self, version: &str) -> Result<(), CohortError> {
+        let path = self.0.join(DESCRIPTION);
+        if path.exists() {
+            return Ok(());
+        }
+        let described = serde_json::json!({
+            "Name": "Results of glioscope cohort",
+            "BIDSVersion": BIDS_VERSION,
+            "DatasetType": "derivative",
+            "GeneratedBy": [{ "Name": "Glioscope", "Version": version }],
+        });
+        Ok(write_whole(&path, format!("{described:#}\n").as_bytes())?)
     }
 
     /// Where the results of a case lie once they are whole.

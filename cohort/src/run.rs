@@ -96,6 +96,9 @@ impl Summary {
     }
 }
 
+/// Why a case without masks fails: nothing was compared, and whoever reads the tables should know.
+const NO_MASK: &str = "found no mask, expected one at least (masks of a BIDS data set lie in derivatives/NAME: give that folder)";
+
 /// What all cases of a run have in common.
 struct Run<'a> {
     data_set: PathBuf,
@@ -130,6 +133,7 @@ pub fn run(
 ) -> Result<Summary, CohortError> {
     let folder = if data_set.is_dir() { data_set } else { data_set.parent().unwrap_or(data_set) };
     let data_set = glioscope_core::files::absolute(folder);
+    place.describe(&resources.version)?;
     let run = Run { data_set, place, options, resources, session_files, progress };
     progress.expect(cases.len() as u64);
     let outcomes: Vec<Mutex<Option<Outcome>>> = cases.iter().map(|_| Mutex::new(None)).collect();
@@ -254,12 +258,19 @@ impl Run<'_> {
                 Ok(state)
             };
             if step(&steps::first(case, self.options))? == State::Done {
-                let dates = dates(&part.folder().join(steps::MEASURE))?;
-                for command in steps::others(case, self.options, &dates) {
-                    step(&command)?;
-                }
-                if self.options.compute.contains(&Step::Change) && dates.len() < 2 {
-                    steps.push(not_run(Step::Change, State::NotApplicable, None));
+                let found = found(&part.folder().join(steps::MEASURE))?;
+                if found.lacks_masks {
+                    let measured = steps.last_mut();
+                    if let Some(measured) = measured {
+                        (measured.state, measured.error) = (State::Failed, Some(NO_MASK.to_owned()));
+                    }
+                } else {
+                    for command in steps::others(case, self.options, &found.dates) {
+                        step(&command)?;
+                    }
+                    if self.options.compute.contains(&Step::Change) && found.dates.len() < 2 {
+                        steps.push(not_run(Step::Change, State::NotApplicable, None));
+                    }
                 }
             }
             let why = steps.iter().find_map(|step| step.error.clone()).unwrap_or_default();
@@ -340,11 +351,21 @@ fn not_run(step: Step, state: State, error: Option<String>) -> StepStatus {
     StepStatus { step, output: None, state, seconds: 0.0, peak_mb: None, exit_code: None, error }
 }
 
-/// The dates of a case, from its first answer.
-fn dates(answer: &Path) -> Result<Vec<String>, CohortError> {
+/// What the first answer tells of a case.
+struct Found {
+    dates: Vec<String>,
+    /// At no date is there a mask.
+    lacks_masks: bool,
+}
+
+fn found(answer: &Path) -> Result<Found, CohortError> {
     let bytes = read_small(answer, MAX_ANSWER_BYTES, "an answer of measure")?;
     let value: serde_json::Value = serde_json::from_slice(&bytes)
         .map_err(|e| CohortError::at(answer, format!("no JSON ({e})"), "an answer of measure"))?;
-    let times = value["time_points"].as_array().into_iter().flatten();
-    Ok(times.filter_map(|time| time["time"].as_str().map(str::to_owned)).collect())
+    let times = value["time_points"].as_array().map_or(&[][..], Vec::as_slice);
+    Ok(Found {
+        dates: times.iter().filter_map(|time| time["time"].as_str().map(str::to_owned)).collect(),
+        lacks_masks: !times.is_empty()
+            && times.iter().all(|time| time["masks"].as_array().is_some_and(Vec::is_empty)),
+    })
 }

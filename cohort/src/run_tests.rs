@@ -15,6 +15,7 @@ case "$2" in
     */large) x=$(head -c 32000000 /dev/zero | tr '\0' x); sleep 0.3 ;;
     */crash) kill -SEGV $$ ;;
     */slow) sleep 60 ;;
+    */images) echo '{"time_points": [{"time": "a", "masks": []}]}'; exit ;;
 esac
 echo '{"time_points": [{"time": "a"}]}'
 "#;
@@ -87,6 +88,22 @@ fn a_crash_is_one_cases_failure_and_one_date_has_no_change() {
     assert_eq!((made.status("crash").state, made.status("a").state), (State::Failed, State::Done));
     assert_eq!(made.status("a").steps[1].state, State::NotApplicable);
     assert_eq!(made.run(2, None, &Progress::new()).unwrap()[0], Outcome::Skipped);
+}
+
+#[test]
+fn a_case_without_masks_fails_and_results_are_described_as_derived() {
+    let made = Made::new(&["a", "images"]);
+    let outcomes = made.run(1, None, &Progress::new()).unwrap();
+    assert_eq!(outcomes[0], Outcome::Done);
+    assert!(matches!(&outcomes[1], Outcome::Failed(why) if why.contains("found no mask")), "{outcomes:?}");
+    let path = made.at("out/dataset_description.json");
+    let described: serde_json::Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+    assert_eq!(described["DatasetType"], "derivative");
+    assert_eq!(described["GeneratedBy"][0]["Name"], "Glioscope");
+    // One that is there is another's.
+    std::fs::write(&path, "{}").unwrap();
+    made.run(1, None, &Progress::new()).unwrap();
+    assert_eq!(std::fs::read(&path).unwrap(), b"{}");
 }
 
 #[test]

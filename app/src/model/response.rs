@@ -6,7 +6,7 @@ use glioscope_core::{
     case::{Case, TimePoint},
     dates::leading_date,
     lesions::{Anchor, LesionsReport},
-    response::{Assessment, Criterion, Fact, History, Label, name_of},
+    response::{Assessment, Criterion, Fact, History, Label, Stated, name_of},
 };
 use serde::{Deserialize, Serialize};
 
@@ -34,6 +34,9 @@ pub struct ResponseSetting {
     /// Answers to the questions of BT-RADS, by label of the date and key of the question.
     #[serde(default)]
     pub bt_rads: BTreeMap<String, BTreeMap<String, String>>,
+    /// Who gave the last of these answers, and when, by label of the date.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub bt_rads_by: BTreeMap<String, Stated>,
 }
 
 impl ResponseSetting {
@@ -70,7 +73,7 @@ impl ResponseSetting {
     pub fn remember_targets(&mut self, report: &LesionsReport) {
         let Some(history) = &self.history else { return };
         let mut places = BTreeMap::new();
-        for name in history.targets.iter().flatten().chain(&history.non_targets) {
+        for name in history.target_names().into_iter().flatten().chain(history.non_target_names()) {
             let of = report.lesions.iter().find(|l| l.name.as_ref() == Some(name) || l.id == *name);
             let parts = of.into_iter().flat_map(|lesion| lesion.dates.iter().flat_map(|date| &date.parts));
             if let Some(anchor) = parts.into_iter().find_map(|part| part.anchor.clone()) {
@@ -85,7 +88,8 @@ impl ResponseSetting {
     /// # Errors
     /// [`AppError`] where a target isn't there any more: it was ignored, or its mask changed.
     pub fn follow_targets(&self, history: &mut History, report: &LesionsReport) -> Result<(), AppError> {
-        let names = history.targets.iter_mut().flatten().chain(&mut history.non_targets);
+        let named = history.targets.iter_mut().chain(&mut history.non_targets);
+        let names = named.flat_map(|fact| &mut fact.value);
         for name in names {
             let Some(place) = self.named_at.get(name).filter(|place| place.of == report.of) else { continue };
             let Some(lesion) = report.lesion_at(place) else {
@@ -97,6 +101,18 @@ impl ResponseSetting {
         Ok(())
     }
 
+    /// What was stated on `day` without a name gets the author's.
+    pub fn sign(&mut self, day: &str) {
+        for by in self.bt_rads_by.values_mut() {
+            if by.author.is_none() && by.entered.as_deref() == Some(day) {
+                by.author = Some(self.author.clone());
+            }
+        }
+        if let Some(history) = &mut self.history {
+            history.sign(&self.author, day);
+        }
+    }
+
     /// The mask of non-enhancing disease, where `case` has it.
     pub fn other_mask(&self, case: &Case) -> Option<&String> {
         self.non_enhancing.as_ref().filter(|id| case.has_mask(id))
@@ -105,6 +121,7 @@ impl ResponseSetting {
     /// Without who stated it, and with `text` done to what the user wrote.
     pub fn anonymous(&mut self, text: impl Fn(&str) -> String) {
         self.author.clear();
+        self.bt_rads_by.clear();
         let Some(history) = &mut self.history else { return };
         *history = std::mem::replace(history, History::new(history.criterion, None)).without_authors();
         for name in history.treatment.iter_mut().flatten().filter_map(|treatment| treatment.name.as_mut()) {
@@ -112,7 +129,8 @@ impl ResponseSetting {
         }
         let surgery = history.surgery.iter_mut().flat_map(|surgery| surgery.targets.iter_mut().flatten());
         let measured = history.measurement.iter_mut().map(|measurement| &mut measurement.lesion);
-        let targets = history.targets.iter_mut().flatten().chain(&mut history.non_targets);
+        let targets = history.targets.iter_mut().chain(&mut history.non_targets);
+        let targets = targets.flat_map(|fact| &mut fact.value);
         for name in targets.chain(surgery).chain(measured) {
             *name = text(name);
         }

@@ -229,6 +229,11 @@ fn check_response(setting: &ResponseSetting) -> Checked {
     let answers = setting.bt_rads.values().map(std::collections::BTreeMap::len).sum();
     count("response bt_rads", answers, MOST_ANSWERS)?;
     count("dates of response bt_rads", setting.bt_rads.len(), MOST_ANSWERED)?;
+    count("authors of response bt_rads", setting.bt_rads_by.len(), MOST_ANSWERED)?;
+    let by = setting.bt_rads_by.iter();
+    for text in by.flat_map(|(date, by)| std::iter::once(date).chain(&by.author).chain(&by.entered)) {
+        count("characters of response bt_rads_by", text.chars().count(), MOST_AUTHOR)?;
+    }
     let keys = setting
         .bt_rads
         .iter()

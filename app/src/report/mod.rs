@@ -222,7 +222,7 @@ pub fn make(
     }
     let earlier = evaluated.map(|evaluated| responses::earlier(evaluated, &words, &redactor));
     blocks.extend(earlier.into_iter().flatten());
-    blocks.extend(responses::bt_rads(case, &doc.edit.response, &words));
+    blocks.extend(responses::bt_rads(case, &doc.edit.response, &words, is_named));
     blocks.extend(content.changes());
     blocks.extend(content.lesions());
     blocks.extend(content.dates());

@@ -15,6 +15,7 @@ use super::{
     document::{Block, Finding, Table},
     identity::Redactor,
     sentences::phrase,
+    stated::by as said_by,
 };
 use crate::{
     model::ResponseSetting,
@@ -187,13 +188,17 @@ pub(super) fn signed(percent: f64, words: &Words) -> String {
     words.number(&format!("{percent:+.1} %")).replace('-', "\u{2212}")
 }
 
-/// What the form of BT-RADS gives at the dates at which its questions are answered to the end.
-pub fn bt_rads(case: &Case, setting: &ResponseSetting, words: &Words) -> Vec<Block> {
+/// What the form of BT-RADS gives at the dates at which its questions are answered to the end. Who answered them only where the patient
+/// is named, too.
+pub fn bt_rads(case: &Case, setting: &ResponseSetting, words: &Words, is_named: bool) -> Vec<Block> {
     let category = |time: &str| {
         let answers = setting.bt_rads.get(time)?;
         match form(answers) {
             Ok(BtRads::Result { category, reason, .. }) => {
-                Some((time.to_owned(), category_words(&category, &reason, answers, words)))
+                let by = setting.bt_rads_by.get(time).filter(|_| is_named);
+                let by = by.map(|by| said_by(&by.author, &by.entered)).filter(|by| !by.is_empty());
+                let by = by.map(|by| format!(" ({by})")).unwrap_or_default();
+                Some((time.to_owned(), category_words(&category, &reason, answers, words) + &by))
             }
             _ => None,
         }

@@ -1,6 +1,6 @@
 //! What the reader stated for the response, as a table: what, of which scan, and by whom.
 
-use glioscope_core::response::{History, PROGRAM, ScanFacts};
+use glioscope_core::response::{History, PROGRAM, ScanFacts, Stated};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -32,25 +32,29 @@ pub fn blocks(history: &History, words: &Words, redactor: &Redactor, is_named: b
         rows.fact(key, "", facts.get(key), "");
     }
     for key in ["targets", "non_targets"] {
-        let names = facts.get(key).and_then(Value::as_array).filter(|names| !names.is_empty());
-        let names = names.map(|names| names.iter().filter_map(Value::as_str).collect::<Vec<_>>().join(", "));
-        rows.row(key, "", names, "");
+        let of = if key == "targets" { &history.targets } else { &history.non_targets };
+        let Some(of) = of else { continue };
+        let names = if of.value.is_empty() { words.get("stated-none") } else { of.value.join(", ") };
+        rows.row(key, "", Some(names), &by(&of.author, &of.entered));
     }
     match history.treatment.as_deref() {
         None => {}
-        Some([]) => rows.row("treatment", "", Some(words.get("stated-none")), ""),
+        Some([]) => {
+            let Stated { author, entered } = history.no_treatment_by.clone().unwrap_or_default();
+            rows.row("treatment", "", Some(words.get("stated-none")), &by(&author, &entered));
+        }
         Some(all) => {
             for treatment in all {
                 let kind = rows.text(&value(&treatment.kind));
                 let name = treatment.name.as_deref().map(|name| format!(", {name}")).unwrap_or_default();
-                let by = [&treatment.author, &treatment.entered].into_iter().flatten();
-                let by = by.map(String::as_str).collect::<Vec<_>>().join(", ");
+                let by = by(&treatment.author, &treatment.entered);
                 rows.row("treatment", "", Some(format!("{}: {kind}{name}", treatment.start)), &by);
             }
         }
     }
     for surgery in &history.surgery {
-        rows.row("surgery", "", Some(surgery.date.to_string()), "");
+        let by = by(&surgery.author, &surgery.entered);
+        rows.row("surgery", "", Some(surgery.date.to_string()), &by);
     }
     // In the order of the dates, not of the answers.
     let mut of_scans: Vec<&ScanFacts> = history.date.iter().collect();
@@ -77,6 +81,11 @@ pub fn blocks(history: &History, words: &Words, redactor: &Redactor, is_named: b
         Block::Heading(words.get("section-stated")),
         Block::Table(Table { head: head[..columns].to_vec(), text_columns: columns, rows, note: None }),
     ]
+}
+
+/// Who stated it, and when.
+pub(super) fn by(author: &Option<String>, entered: &Option<String>) -> String {
+    [author, entered].into_iter().flatten().map(String::as_str).collect::<Vec<_>>().join(", ")
 }
 
 /// A fact: what, of which scan, what of it, and by whom.
@@ -232,5 +241,18 @@ mod tests {
         let unnamed = cells(&of.without_authors(), Language::En, false).concat();
         assert!(!unnamed.iter().any(|cell| cell.contains("C. D.")), "{unnamed:?}");
         assert!(unnamed[1].contains("proposed by the program"), "{unnamed:?}");
+    }
+
+    #[test]
+    fn targets_surgery_and_no_treatment_have_authors() {
+        let of = history(
+            "targets = { value = [\"A\"], author = \"A. B.\", entered = 2024-05-01 }\ntreatment = []\n\
+             no_treatment_by = { author = \"C. D.\" }\nsurgery = [{ date = 2024-01-05, author = \"E. F.\" }]",
+            "",
+        );
+        let rows = cells(&of, Language::En, true);
+        assert_eq!(rows[0], ["Patient", "Targets: A", "A. B., 2024-05-01"]);
+        assert_eq!(rows[1], ["Patient", "Treatment: none", "C. D."]);
+        assert_eq!(rows[2], ["Patient", "Surgery: 2024-01-05", "E. F."]);
     }
 }

@@ -103,23 +103,22 @@ impl History {
             ("[[measurement]]", self.measurement.len(), MAX_MEASUREMENTS),
             ("[[surgery]]", self.surgery.len(), MAX_SCANS),
             ("[[treatment]]", self.treatment.as_ref().map_or(0, Vec::len), MAX_SCANS),
-            ("targets", self.targets.as_ref().map_or(0, Vec::len), MAX_SCANS),
-            ("non_targets", self.non_targets.len(), MAX_SCANS),
+            ("targets", self.target_names().map_or(0, <[String]>::len), MAX_SCANS),
+            ("non_targets", self.non_target_names().len(), MAX_SCANS),
         ];
         for (what, found, most) in counts {
             if found > most {
                 return Err(wrong("history", format!("{found} {what}"), format!("at most {most}")));
             }
         }
-        for targets in
-            self.targets.iter().chain(self.surgery.iter().filter_map(|surgery| surgery.targets.as_ref()))
-        {
+        let after_surgery = self.surgery.iter().filter_map(|surgery| surgery.targets.as_deref());
+        for targets in self.target_names().into_iter().chain(after_surgery) {
             unique(targets, "targets")?;
-            if let Some(both) = targets.iter().find(|name| self.non_targets.contains(name)) {
+            if let Some(both) = targets.iter().find(|name| self.non_target_names().contains(name)) {
                 return Err(wrong("history", format!("{both} as target and as non-target"), "one of them"));
             }
         }
-        unique(&self.non_targets, "non_targets")?;
+        unique(self.non_target_names(), "non_targets")?;
         let repeatability = &self.repeatability;
         let stated = [
             ("repeatability.product", &repeatability.product),

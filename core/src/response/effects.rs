@@ -149,7 +149,7 @@ impl Judge<'_> {
     /// RANO 2.0: the state of non-target lesions by their sums, where they and the targets are measured at all scans since
     /// the baseline, and their lowest sums are above 0.
     pub fn non_target_by_numbers(&self, at: usize) -> Option<NonTarget> {
-        let non_targets = &self.rules.history.non_targets;
+        let non_targets = self.rules.history.non_target_names();
         if self.rules.history.criterion != Criterion::Rano20 || non_targets.is_empty() {
             return None;
         }

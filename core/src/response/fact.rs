@@ -58,6 +58,23 @@ impl<T> Fact<T> {
     }
 }
 
+/// Who stated something that isn't a [`Fact`], and when. In TOML `{ author = "…", entered = 2024-05-01 }`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Stated {
+    /// Who stated it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub author: Option<String>,
+    /// Day on which it was entered.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "text_of_day")]
+    pub entered: Option<String>,
+}
+
+/// A day as text: TOML may have it without quotes.
+pub(super) fn text_of_day<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<String>, D::Error> {
+    Ok(Option::<Label>::deserialize(deserializer)?.map(|label| label.0))
+}
+
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Entry {

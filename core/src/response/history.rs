@@ -1,12 +1,12 @@
 //! The history of a patient, as the user states it: a TOML file of facts that images don't show, and, where the program
 //! doesn't measure them itself, the measurements.
 
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Serialize};
 use strum::{IntoStaticStr, VariantArray};
 use thiserror::Error;
 
 use super::{
-    fact::{Fact, Label, PROGRAM, Radiotherapy, When},
+    fact::{Fact, Label, PROGRAM, Radiotherapy, Stated, When, text_of_day},
     rules::Criterion,
 };
 
@@ -92,11 +92,6 @@ pub struct Treatment {
     pub entered: Option<String>,
 }
 
-/// A day as text: TOML may have it without quotes.
-fn text_of_day<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<String>, D::Error> {
-    Ok(Option::<Label>::deserialize(deserializer)?.map(|label| label.0))
-}
-
 /// A resection.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -107,6 +102,12 @@ pub struct Surgery {
     pub baseline: Option<Label>,
     /// The targets after it; else all measurable lesions of that baseline.
     pub targets: Option<Vec<String>>,
+    /// Who stated it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub author: Option<String>,
+    /// Day on which it was entered.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "text_of_day")]
+    pub entered: Option<String>,
 }
 
 /// Why steroids were raised.
@@ -345,12 +346,15 @@ pub struct History {
     /// The baseline; else the criterion's, if a source that was read states it.
     pub baseline: Option<Fact<Label>>,
     /// Names of the targets; else all measurable lesions of the baseline.
-    pub targets: Option<Vec<String>>,
+    pub targets: Option<Fact<Vec<String>>>,
     /// Names of lesions that are followed but aren't targets.
-    #[serde(default)]
-    pub non_targets: Vec<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub non_targets: Option<Fact<Vec<String>>>,
     /// All treatments; absent: unknown, an empty list: none.
     pub treatment: Option<Vec<Treatment>>,
+    /// Who stated that there was no treatment, where that is stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub no_treatment_by: Option<Stated>,
     /// All resections.
     #[serde(default)]
     pub surgery: Vec<Surgery>,
@@ -404,6 +408,14 @@ impl History {
         on(&mut self.disease, change);
         on(&mut self.radiotherapy_end, change);
         on(&mut self.baseline, change);
+        on(&mut self.targets, change);
+        on(&mut self.non_targets, change);
+        if let Some(by) = &mut self.no_treatment_by {
+            change(&mut by.author, &mut by.entered);
+        }
+        for surgery in &mut self.surgery {
+            change(&mut surgery.author, &mut surgery.entered);
+        }
         for treatment in self.treatment.iter_mut().flatten() {
             change(&mut treatment.author, &mut treatment.entered);
         }
@@ -421,6 +433,16 @@ impl History {
         }
     }
 
+    /// Names of the targets, where they are stated.
+    pub fn target_names(&self) -> Option<&[String]> {
+        self.targets.as_ref().map(|fact| fact.value.as_slice())
+    }
+
+    /// Names of lesions that are followed but aren't targets.
+    pub fn non_target_names(&self) -> &[String] {
+        self.non_targets.as_ref().map_or(&[], |fact| fact.value.as_slice())
+    }
+
     /// A history of which nothing but the criteria is known.
     pub fn new(criterion: Criterion, assessment: Option<Assessment>) -> Self {
         Self {
@@ -431,8 +453,9 @@ impl History {
             radiotherapy_end: None,
             baseline: None,
             targets: None,
-            non_targets: Vec::new(),
+            non_targets: None,
             treatment: None,
+            no_treatment_by: None,
             surgery: Vec::new(),
             repeatability: Repeatabilities::default(),
             trial: Trial::default(),

@@ -30,7 +30,7 @@ mod tests;
 mod timeline;
 
 pub use bt_rads::{Answer, BtRads, Category as BtRadsCategory, Question, bt_rads, bt_rads_answered};
-pub use fact::{Fact, Label, PROGRAM, Radiotherapy, When};
+pub use fact::{Fact, Label, PROGRAM, Radiotherapy, Stated, When};
 pub use history::{
     Assessment, Clinical, Compartment, Disease, Field, Flair, Histology, History, HistoryError, Measurement,
     NewLesion, NonTarget, Part, Repeatabilities, Repeatability, ScanFacts, SteroidReason, Surgery, Technique,
@@ -172,7 +172,7 @@ fn judged(judge: &Judge<'_>, at: usize, patterns: &call::Patterns) -> Judgement 
         explored.missing.iter().map(|&(unknown, assumed)| judge.missing(unknown, assumed)).collect();
     let outcome = explored.given.unwrap_or_else(|| {
         let open = calls(&explored.under_assumptions);
-        let words = |call| if call == Call::CannotSay { say::STILL_NO_CALL } else { call.template() };
+        let words = |call: Call| if call == Call::CannotSay { say::STILL_NO_CALL } else { call.template() };
         let open: Vec<Phrase> = open.into_iter().map(|call| words(call).into()).collect();
         let words: Phrase = if explored.complete {
             say::LEAVES.with([("calls", Value::joined("; ", open))])

@@ -157,7 +157,7 @@ pub(super) fn targets<'a>(
     } else {
         let present = baseline.lesions.iter().filter(|(_, lesion)| lesion.compartment == compartment);
         for (name, lesion) in
-            present.filter(|(name, _)| !rules.history.non_targets.iter().any(|n| n == *name))
+            present.filter(|(name, _)| !rules.history.non_target_names().iter().any(|n| n == *name))
         {
             add(name, Some(lesion), false);
         }

@@ -99,8 +99,9 @@ pub(super) fn scans<'a>(
     }
     scans.sort_by(|a, b| (a.day, a.label).cmp(&(b.day, b.label)));
     check_days(history, &scans)?;
-    let named = history.targets.iter().chain(history.surgery.iter().filter_map(|s| s.targets.as_ref()));
-    for lesion in named.flatten().chain(&history.non_targets) {
+    let after_surgery = history.surgery.iter().filter_map(|surgery| surgery.targets.as_deref());
+    let named = history.target_names().into_iter().chain(after_surgery);
+    for lesion in named.flatten().chain(history.non_target_names()) {
         if !compartments.contains_key(lesion.as_str()) {
             return Err(wrong(
                 "history",
@@ -198,7 +199,7 @@ pub(super) fn epochs<'a>(history: &'a History, scans: &[Scan<'a>]) -> Result<Vec
         };
         let stated_targets = surgery.and_then(|surgery| surgery.targets.as_deref());
         let stated_targets =
-            stated_targets.or(history.targets.as_deref().filter(|_| !has_targets && baseline.is_ok()));
+            stated_targets.or(history.target_names().filter(|_| !has_targets && baseline.is_ok()));
         has_targets |= baseline.is_ok();
         epochs.push(Epoch { first, end, baseline, why, against, stated_targets });
     }

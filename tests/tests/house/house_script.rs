@@ -122,6 +122,33 @@ fn measure_requires_no_graphics_and_arguments_are_passed_on_unchanged() -> Outco
 }
 
 #[test]
+fn every_subcommand_has_its_requirements() -> Outcome {
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("../app/src/cli/arguments.rs");
+    let source = std::fs::read_to_string(source)?;
+    let (_, tasks) = source.split_once("pub enum Task {").ok_or("no Task")?;
+    let (tasks, _) = tasks.split_once("\n}").ok_or("no end of Task")?;
+    let is_variant = |line: &&str| {
+        line.strip_prefix("    ").is_some_and(|line| line.starts_with(|c: char| c.is_ascii_uppercase()))
+    };
+    let kebab = |variant: &str| {
+        let name = variant.trim().split(['(', ' ', ',']).next().unwrap_or_default();
+        let parts = name.chars().enumerate().map(|(n, c)| match c.is_ascii_uppercase() {
+            true if n > 0 => format!("-{}", c.to_ascii_lowercase()),
+            _ => c.to_ascii_lowercase().to_string(),
+        });
+        parts.collect::<String>()
+    };
+    let words: Vec<String> = tasks.lines().filter(is_variant).map(kebab).collect();
+    assert!(words.len() > 15 && words.contains(&"self-check".to_owned()), "{words:?}");
+    let script = format!("for w in {}; do echo $w $(kind_of_run $w case); done", words.join(" "));
+    let output = Machine::bare()?.bash(&script)?;
+    let windows: Vec<String> =
+        lines(&output.stdout).into_iter().filter(|line| line.ends_with(" window")).collect();
+    assert_eq!(windows, ["open window", "study window"]);
+    Ok(())
+}
+
+#[test]
 fn without_a_display_the_sample_report_is_written_unless_a_case_is_given() -> Outcome {
     let machine = Machine::bare()?;
     machine.stand_in("cc", "exit 0")?;

@@ -164,7 +164,7 @@ fn a_report_without_identity_has_none_of_the_users_words_that_name_the_patient_a
         glioscope::model::ResponseSetting { author: "Dr KNRYAUTHOR".into(), ..Default::default() };
     response.set_criterion(Some(glioscope_core::response::Criterion::Rano2010));
     let history = response.history.as_mut().unwrap();
-    history.targets = Some(vec![format!("lesion of {secret}")]);
+    history.targets = Some(glioscope_core::response::Fact::of(vec![format!("lesion of {secret}")]));
     history.baseline = Some(glioscope_core::response::Fact {
         value: glioscope_core::response::Label("2024-01-01".into()),
         author: Some("Dr KNRYAUTHOR".into()),

@@ -3,15 +3,16 @@
 use egui::{CollapsingHeader, Ui};
 use glioscope_core::response::{BtRads, bt_rads};
 
-use super::calls::mark;
+use super::{calls::mark, fields::By};
 use crate::{model::ResponseSetting, views::pane::Input};
 
 /// The form.
-pub(super) fn show(ui: &mut Ui, input: &Input<'_>, new: &mut ResponseSetting) {
+pub(super) fn show(ui: &mut Ui, input: &Input<'_>, new: &mut ResponseSetting, by: &By) {
     CollapsingHeader::new("BT-RADS, question by question").id_salt("bt-rads").show(ui, |ui| {
         let time = input.time_point.label.clone();
         let date = if time.is_empty() { "this scan" } else { &time };
-        let mut answers = new.bt_rads.get(&time).cloned().unwrap_or_default();
+        let given_before = new.bt_rads.get(&time).cloned().unwrap_or_default();
+        let mut answers = given_before.clone();
         ui.weak(format!("Of {date}"));
         // Follows the form from its first question, with one answer more each time.
         let mut followed = std::collections::BTreeMap::new();
@@ -54,7 +55,11 @@ pub(super) fn show(ui: &mut Ui, input: &Input<'_>, new: &mut ResponseSetting) {
         }
         if answers.is_empty() {
             new.bt_rads.remove(&time);
+            new.bt_rads_by.remove(&time);
         } else {
+            if answers != given_before {
+                new.bt_rads_by.insert(time.clone(), by.stated());
+            }
             new.bt_rads.insert(time, answers);
         }
     });

@@ -3,7 +3,7 @@
 use egui::{AsIdSalt, Id, Key, TextEdit, Ui};
 use glioscope_core::{
     dates::iso_date,
-    response::{Fact, When},
+    response::{Fact, Stated, When},
 };
 use jiff::{Timestamp, civil::Date};
 
@@ -23,8 +23,8 @@ impl By {
     }
 
     /// Whose statement it is, and its day.
-    pub fn signature(&self) -> (Option<String>, Option<String>) {
-        (self.author.clone(), Some(self.today.clone()))
+    pub fn stated(&self) -> Stated {
+        Stated { author: self.author.clone(), entered: Some(self.today.clone()) }
     }
 
     /// A fact stated now.

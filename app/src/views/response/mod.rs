@@ -211,7 +211,7 @@ impl ResponsePane {
                 }
             }
         }
-        bt_rads::show(ui, &input, &mut new);
+        bt_rads::show(ui, &input, &mut new, &by);
         if new.history.is_some() || !new.bt_rads.is_empty() {
             ui.add_space(6.0);
             if ui
@@ -308,7 +308,7 @@ fn head(ui: &mut Ui, input: &Input<'_>, new: &mut ResponseSetting) -> String {
             masks(ui, input, new);
         }
     });
-    if new.history.is_some() {
+    if new.history.is_some() || !new.bt_rads.is_empty() {
         // On a line of its own: the label doesn't wrap away from its field, nor the field out of a narrow pane.
         ui.horizontal(|ui| {
             let label = ui.label("stated by");
@@ -318,8 +318,8 @@ fn head(ui: &mut Ui, input: &Input<'_>, new: &mut ResponseSetting) -> String {
                 new.author = named(&typed);
                 author.clone_from(&new.author);
                 // What was answered before the name was typed is the reader's, too.
-                if let Some(history) = new.history.as_mut().filter(|_| is_first && !author.is_empty()) {
-                    history.sign(&author, &fields::today());
+                if is_first && !author.is_empty() {
+                    new.sign(&fields::today());
                 }
             }
         });

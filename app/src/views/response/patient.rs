@@ -2,7 +2,7 @@
 
 use egui::Ui;
 use glioscope_core::response::{
-    Disease, Fact, History, Input as Asked, Label, Radiotherapy, Surgery, Treatment, TreatmentKind,
+    Disease, Fact, History, Input as Asked, Label, Radiotherapy, Stated, Surgery, Treatment, TreatmentKind,
 };
 
 use super::{
@@ -36,12 +36,12 @@ pub(super) fn show(ui: &mut Ui, input: &Input<'_>, history: &mut History, wanted
         radiotherapy(ui, history, by);
     }
     if asks(Asked::Targets) || history.targets.is_some() {
-        targets(ui, history);
+        targets(ui, history, by);
     }
     if asks(Asked::Treatment) || history.treatment.is_some() {
         treatments(ui, history, by);
     }
-    surgeries(ui, history);
+    surgeries(ui, history, by);
 }
 
 fn baseline(ui: &mut Ui, input: &Input<'_>, history: &mut History, by: &By) {
@@ -89,19 +89,19 @@ fn radiotherapy(ui: &mut Ui, history: &mut History, by: &By) {
     });
 }
 
-fn targets(ui: &mut Ui, history: &mut History) {
+fn targets(ui: &mut Ui, history: &mut History, by: &By) {
     for (title, tip, is_main) in [
         ("Targets", "Names of lesions, with commas; empty: all measurable lesions of the baseline", true),
         ("Not targets", "Lesions that are followed, but aren't targets", false),
     ] {
         ui.horizontal_wrapped(|ui| {
             let label = ui.label(title).on_hover_text(tip);
-            let stated = if is_main {
-                history.targets.clone().unwrap_or_default()
-            } else {
-                history.non_targets.clone()
-            };
-            if let Some(typed) = text(ui, title, label.id, &stated.join(", "), 180.0) {
+            let fact = if is_main { &mut history.targets } else { &mut history.non_targets };
+            let stated = fact.as_ref().map(|fact| fact.value.join(", ")).unwrap_or_default();
+            if let Some(fact) = fact {
+                label.clone().on_hover_text(said(fact.author.as_deref(), fact.entered.as_deref()));
+            }
+            if let Some(typed) = text(ui, title, label.id, &stated, 180.0) {
                 let names = typed.split(',').map(str::trim).filter(|name| !name.is_empty());
                 let mut all: Vec<String> = Vec::new();
                 for name in names {
@@ -109,11 +109,7 @@ fn targets(ui: &mut Ui, history: &mut History) {
                         all.push(name.to_owned());
                     }
                 }
-                if is_main {
-                    history.targets = (!all.is_empty()).then_some(all);
-                } else {
-                    history.non_targets = all;
-                }
+                *fact = (!all.is_empty()).then(|| by.fact(all));
             }
             if is_main && history.targets.is_none() {
                 ui.weak("all measurable lesions of the baseline");
@@ -132,6 +128,7 @@ fn treatments(ui: &mut Ui, history: &mut History, by: &By) {
         name_widget(ui, &response, "Treatment: there was none");
         if response.changed() {
             history.treatment = none.then(Vec::new);
+            history.no_treatment_by = none.then(|| by.stated());
         }
     });
     let mut removed = None;
@@ -158,7 +155,7 @@ fn treatments(ui: &mut Ui, history: &mut History, by: &By) {
                     removed = Some(n);
                 }
                 if *treatment != before {
-                    (treatment.author, treatment.entered) = by.signature();
+                    Stated { author: treatment.author, entered: treatment.entered } = by.stated();
                 }
             });
         });
@@ -167,6 +164,7 @@ fn treatments(ui: &mut Ui, history: &mut History, by: &By) {
         all.remove(n);
         if all.is_empty() {
             history.treatment = None;
+            history.no_treatment_by = None;
         }
     }
     another_treatment(ui, history, by);
@@ -195,26 +193,30 @@ fn another_treatment(ui: &mut Ui, history: &mut History, by: &By) {
         }
         let label = ui.label("started on");
         if let Some(Some(start)) = day_with(ui, "another treatment", label.id, (None, is_next)) {
-            let (author, entered) = by.signature();
+            let Stated { author, entered } = by.stated();
             let kind = kind.unwrap_or(TreatmentKind::Drug);
             let new = Treatment { start, kind, name: None, author, entered };
+            history.no_treatment_by = None;
             history.treatment.get_or_insert_default().push(new);
             ui.data_mut(|data| data.remove::<TreatmentKind>(chosen));
         }
     });
 }
 
-fn surgeries(ui: &mut Ui, history: &mut History) {
+fn surgeries(ui: &mut Ui, history: &mut History, by: &By) {
     let mut removed = None;
     ui.horizontal_wrapped(|ui| {
         let label = ui.label("Surgery").on_hover_text("Resets baseline, lowest sum and targets");
         for (n, surgery) in history.surgery.iter().enumerate() {
-            if ui.button(format!("{} ×", surgery.date)).on_hover_text("Take away").clicked() {
+            let said = said(surgery.author.as_deref(), surgery.entered.as_deref());
+            let tip = format!("{said}; click to take it away");
+            if ui.button(format!("{} ×", surgery.date)).on_hover_text(tip).clicked() {
                 removed = Some(n);
             }
         }
         if let Some(Some(date)) = day(ui, "another surgery", label.id, None) {
-            history.surgery.push(Surgery { date, baseline: None, targets: None });
+            let Stated { author, entered } = by.stated();
+            history.surgery.push(Surgery { date, baseline: None, targets: None, author, entered });
         }
     });
     if let Some(n) = removed {

@@ -13,11 +13,13 @@ assessment = "enhancing"
 disease = { value = "newly-diagnosed", author = "A. B.", entered = 2024-05-01 }
 radiotherapy_end = 2024-01-03
 baseline = 2024-02-01
-targets = ["A"]
+targets = { value = ["A"], author = "A. B.", entered = 2024-05-01 }
 non_targets = ["B"]
 treatment = [{ start = 2024-02-05, kind = "drug", name = "temozolomide", author = "A. B.", entered = 2024-05-01 }]
 [[surgery]]
 date = 2023-11-20
+author = "C. D."
+entered = 2024-05-02
 [repeatability.product]
 relative_sd = 0.1
 source = "own phantom"
@@ -64,8 +66,18 @@ fn a_history_is_read() {
         (treatment.author.as_deref(), treatment.entered.as_deref()),
         (Some("A. B."), Some("2024-05-01"))
     );
-    let unnamed = history.clone().without_authors().treatment.unwrap().remove(0);
-    assert_eq!((unnamed.author, unnamed.entered), (None, None));
+    assert_eq!(history.target_names(), Some(&["A".to_owned()][..]));
+    assert_eq!(history.targets.as_ref().unwrap().author.as_deref(), Some("A. B."));
+    assert_eq!(history.non_targets, Some(Fact::of(vec!["B".to_owned()])));
+    let surgery = &history.surgery[0];
+    assert_eq!((surgery.author.as_deref(), surgery.entered.as_deref()), (Some("C. D."), Some("2024-05-02")));
+    // As a session keeps it.
+    let kept = serde_json::to_string(&history).unwrap();
+    assert_eq!(serde_json::from_str::<History>(&kept).unwrap(), history);
+    let unnamed = serde_json::to_string(&history.clone().without_authors()).unwrap();
+    for name in ["A. B.", "C. D.", "2024-05-0"] {
+        assert!(kept.contains(name) && !unnamed.contains(name), "{name}: {unnamed}");
+    }
     let response = evaluate(&history, &[]).unwrap();
     assert_eq!(response.dates.len(), 2);
     let last = &response.dates[1];
@@ -124,10 +136,10 @@ fn each_error_is_one_line_with_what_was_found_and_expected() {
             "found baseline = 2024-02-02, expected a scan",
         ),
         (
-            replaced("targets = [\"A\"]", "targets = [\"Z\"]"),
+            replaced("value = [\"A\"]", "value = [\"Z\"]"),
             "found Z among targets or non_targets, expected a measured",
         ),
-        (replaced("targets = [\"A\"]", "targets = [\"A\", \"A\"]"), "found A twice in targets"),
+        (replaced("value = [\"A\"]", "value = [\"A\", \"A\"]"), "found A twice in targets"),
         (replaced("non_targets = [\"B\"]", "non_targets = [\"A\"]"), "found A as target and as non-target"),
         (
             replaced("relative_sd = 0.1", "relative_sd = 0"),

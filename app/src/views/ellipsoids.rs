@@ -18,6 +18,7 @@ use super::{
     draw,
     legend::{self, Mark},
     pane::{Input, Pane, Stage},
+    ruler,
     view3d::{Canvas, Picked, ScreenReport, View, linked_camera, marks},
 };
 use crate::{
@@ -181,6 +182,9 @@ impl Pane for EllipsoidPane {
         scene.camera = view.camera;
         if !self.canvas.draw(ui, (graphics, &view, &response), &scene, ask.wait, out) {
             return;
+        }
+        if !input.is_plain {
+            ruler::draw_3d(&ui.painter().with_clip_rect(rect), input.doc, &view.camera, rect, None);
         }
         let hover = self.canvas.hover().filter(|_| !input.is_plain);
         let hover_text = hover.and_then(|pick| pick_text(&input, &components, pick));

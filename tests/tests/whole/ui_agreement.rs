@@ -6,8 +6,11 @@ use egui_kittest::kittest::Queryable;
 use glioscope::{
     command::EditCommand,
     model::{CaseRef, PaneId},
+    theme::RULER,
 };
-use glioscope_tests::{Window, answer, choose, doc, issue, pane_picture, wait_for_workers, window_on};
+use glioscope_tests::{
+    Window, answer, choose, count_color, doc, issue, pane_picture, wait_for_workers, window_on,
+};
 
 use crate::PROGRAM;
 
@@ -58,6 +61,21 @@ fn a_hausdorff_distance_leads_to_its_two_points_and_any_two_are_compared() {
     assert_eq!((line.from_mm.x, line.to_mm.x), (on("on_reference_mm"), on("on_compared_mm")));
     let lens = doc(&harness).edit.lens;
     assert!(lens.center_mm.distance(line.from_mm) <= lens.radius_mm, "both in the lens");
+    // Every 3D view shows it, though the pane of the link was maximised.
+    for pane in [PaneId::Closeup, PaneId::Context, PaneId::Ellipsoids] {
+        let picture = pane_picture(&mut harness, pane);
+        let [r, g, b, _] = RULER.to_array();
+        let drawn = count_color(&picture, [r, g, b], 40);
+        assert!(drawn >= 8, "{}: {drawn} pixels of the line", pane.title());
+    }
+    let lines = doc(&harness).edit.rulers.len();
+    issue(&mut harness, EditCommand::MaximizePane(PaneId::Agreement));
+    wait_for_workers(&mut harness);
+    harness.get_by_label("Show the two points of Hausdorff T1 – T2").click();
+    wait_for_workers(&mut harness);
+    assert_eq!(doc(&harness).edit.rulers.len(), lines, "one line for two points");
+    issue(&mut harness, EditCommand::MaximizePane(PaneId::Agreement));
+    wait_for_workers(&mut harness);
 
     harness.get_by_label("Any two").click();
     wait_for_workers(&mut harness);

@@ -18,8 +18,9 @@ use super::{
 use crate::{
     command::{Commands, EditCommand, LookCommand},
     model::{
-        AgreementSetting, PaneId, Ruler, Shape,
+        AgreementSetting, Edit, PaneId, Ruler, Shape,
         agreement::{PERCENTILE, TOLERANCE_MM},
+        document::Box,
     },
     world::{
         agreement::Agreed,
@@ -132,11 +133,11 @@ fn show(ui: &mut Ui, input: &Input<'_>, agreed: &Agreed, out: &mut Commands) {
         ui.weak("One mask at this date: choose two above");
         return;
     }
-    table(ui, &pairs, out);
+    table(ui, &pairs, &input.doc.edit, out);
     raters::show(ui, input, &agreed.date);
 }
 
-fn table(ui: &mut Ui, pairs: &[Pair<'_>], out: &mut Commands) {
+fn table(ui: &mut Ui, pairs: &[Pair<'_>], edit: &Box, out: &mut Commands) {
     ui.spacing_mut().item_spacing.x = 4.0;
     let lesions = raters::lesion_rows(pairs.iter().map(|pair| pair.comparison.lesions.as_ref()));
     TableBuilder::new(ui)
@@ -168,7 +169,7 @@ fn table(ui: &mut Ui, pairs: &[Pair<'_>], out: &mut Commands) {
                         ui.label(title).on_hover_text(metric.definition);
                     });
                     for pair in pairs {
-                        row.col(|ui| cell(ui, metric, number, pair, out));
+                        row.col(|ui| cell(ui, metric, number, pair, edit, out));
                     }
                 });
             }
@@ -192,7 +193,7 @@ fn table(ui: &mut Ui, pairs: &[Pair<'_>], out: &mut Commands) {
     }
 }
 
-fn cell(ui: &mut Ui, metric: &MetricRow, number: usize, pair: &Pair<'_>, out: &mut Commands) {
+fn cell(ui: &mut Ui, metric: &MetricRow, number: usize, pair: &Pair<'_>, edit: &Box, out: &mut Commands) {
     // Values stand in the order of the metrics: the robust distance's key has its percentile.
     let value = pair.comparison.values.get(number).and_then(|(_, value)| *value);
     let text = match value {
@@ -218,7 +219,13 @@ fn cell(ui: &mut Ui, metric: &MetricRow, number: usize, pair: &Pair<'_>, out: &m
         out.push(LookCommand::SetTime(pair.time));
         let name = format!("Hausdorff {}", pair.title);
         let line = Ruler { name, from_mm, to_mm, shape: Shape::Line, view: PaneId::Closeup, time: pair.time };
-        out.push(EditCommand::AddRuler(Box::new(line)));
+        if !edit.rulers.contains(&line) {
+            out.push(EditCommand::AddRuler(Box::new(line)));
+        }
+        // Maximised, this pane hides the views.
+        if edit.maximized == Some(PaneId::Agreement) {
+            out.push(EditCommand::MaximizePane(PaneId::Agreement));
+        }
         // Both points lie in the lens.
         out.push(EditCommand::GoTo(from_mm.midpoint(to_mm), points.distance_mm.max(4.0)));
     }

@@ -89,10 +89,10 @@ pub(super) fn by(author: &Option<String>, entered: &Option<String>) -> String {
 }
 
 /// A fact: what, of which scan, what of it, and by whom.
-type Stated = [String; 4];
+type Line = [String; 4];
 
 /// A row for what was stated of a scan, or of the patient; where authors are shown, by one of them on a day.
-fn grouped(all: &[Stated], is_named: bool, words: &Words) -> Vec<Vec<String>> {
+fn grouped(all: &[Line], is_named: bool, words: &Words) -> Vec<Vec<String>> {
     let mut rows: Vec<[String; 3]> = Vec::new();
     for [what, scan, stated, by] in all {
         let scan = if scan.is_empty() { words.get("patient") } else { scan.clone() };
@@ -108,7 +108,7 @@ fn grouped(all: &[Stated], is_named: bool, words: &Words) -> Vec<Vec<String>> {
 
 struct Rows<'a> {
     words: &'a Words,
-    rows: Vec<Stated>,
+    rows: Vec<Line>,
 }
 
 impl Rows<'_> {

@@ -20,7 +20,6 @@ use crate::{
     model::{
         AgreementSetting, Edit, PaneId, Ruler, Shape,
         agreement::{PERCENTILE, TOLERANCE_MM},
-        document::Box,
     },
     world::{
         agreement::Agreed,
@@ -137,7 +136,7 @@ fn show(ui: &mut Ui, input: &Input<'_>, agreed: &Agreed, out: &mut Commands) {
     raters::show(ui, input, &agreed.date);
 }
 
-fn table(ui: &mut Ui, pairs: &[Pair<'_>], edit: &Box, out: &mut Commands) {
+fn table(ui: &mut Ui, pairs: &[Pair<'_>], edit: &Edit, out: &mut Commands) {
     ui.spacing_mut().item_spacing.x = 4.0;
     let lesions = raters::lesion_rows(pairs.iter().map(|pair| pair.comparison.lesions.as_ref()));
     TableBuilder::new(ui)
@@ -193,7 +192,7 @@ fn table(ui: &mut Ui, pairs: &[Pair<'_>], edit: &Box, out: &mut Commands) {
     }
 }
 
-fn cell(ui: &mut Ui, metric: &MetricRow, number: usize, pair: &Pair<'_>, edit: &Box, out: &mut Commands) {
+fn cell(ui: &mut Ui, metric: &MetricRow, number: usize, pair: &Pair<'_>, edit: &Edit, out: &mut Commands) {
     // Values stand in the order of the metrics: the robust distance's key has its percentile.
     let value = pair.comparison.values.get(number).and_then(|(_, value)| *value);
     let text = match value {

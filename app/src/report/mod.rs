@@ -439,11 +439,29 @@ fn caption_of(case: &Case, doc: &Document, pane: PaneId, own: &str, words: &Word
 /// Versions, settings, and the files that were read.
 fn how_made(recipe: &Recipe, content: &Content<'_>) -> Vec<Block> {
     let words = content.words;
-    let facts = vec![
+    let edit = &content.doc.edit;
+    let compared = &edit.agreement;
+    let mut facts = vec![
         (words.get("program"), recipe.program.clone()),
         (words.get("adapter"), recipe.adapter.clone()),
         (words.get("case-grid"), content.grid()),
     ];
+    if content.compared.iter().any(|date| !date.pairs.is_empty()) {
+        let variables = [
+            ("convention", compared.convention.name().to_owned()),
+            ("tolerance", words.number(&format!("{} mm", compared.tolerance_mm))),
+            ("percentile", words.number(&compared.percentile.to_string())),
+        ];
+        facts.push((words.get("settings-agreement"), words.with("settings-agreement-are", &variables)));
+    }
+    if content.lesions.is_some() {
+        let variables = [
+            ("smallest", words.ml(edit.lesions.smallest_ml)),
+            ("within", words.number(&format!("{} mm", edit.lesions.within_mm))),
+        ];
+        facts.push((words.get("settings-lesions"), words.with("settings-lesions-are", &variables)));
+    }
+    facts.push((words.get("settings-all"), recipe.settings_sha256()));
     let inputs = recipe.inputs.iter().enumerate().map(|(n, input)| {
         let name = input.name.clone().unwrap_or_else(|| (n + 1).to_string());
         (name, input.sha256.clone())

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use glioscope_core::{
     Progress,
-    files::sha256_of,
+    files::{sha256, sha256_of},
     response::{Assessment, Criterion},
 };
 use serde::{Deserialize, Serialize};
@@ -39,6 +39,13 @@ pub struct Recipe {
     pub response: Option<ResponseRecipe>,
     /// The session as a session file has it; without the case's files unless the report is fully identified.
     pub session: serde_json::Value,
+}
+
+impl Recipe {
+    /// SHA-256 of the settings: of the session as compact JSON.
+    pub fn settings_sha256(&self) -> String {
+        sha256(self.session.to_string().as_bytes())
+    }
 }
 
 /// What the response in a report was evaluated with.

@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
+use glioscope::report::recipe_in;
 use glioscope_core::{
     Grid, Samples, Volume,
-    files::{WriteOptions, write_nifti},
+    files::{WriteOptions, sha256, write_nifti},
     glam::DVec3,
     volume::Scaling,
 };
@@ -65,6 +66,10 @@ fn a_report_is_made_again_byte_for_byte_and_what_differs_is_said() {
         !page.contains("http://")
             || page.matches("http://").count() == page.matches("http://www.w3.org/2000/svg").count()
     );
+    let recipe = recipe_in(&page).unwrap().replace("\\u003c", "<");
+    let recipe: serde_json::Value = serde_json::from_str(&recipe).unwrap();
+    let settings = sha256(recipe["session"].to_string().as_bytes());
+    assert!(words(&page).contains(&settings), "the settings' hash stands at the end");
     let again = run(PROGRAM, &["replay", "--software", text(&one)]);
     let stdout = String::from_utf8_lossy(&again.stdout).into_owned();
     assert!(again.status.success() && stdout.contains("the same bytes again"), "{stdout}");

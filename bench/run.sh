@@ -5,20 +5,22 @@ set -euo pipefail
 
 usage() {
     cat <<'TEXT'
-Usage: ./x bench [--runs N] [--software] [--vtk | --turning] [--data DIR]
+Usage: ./x bench [--runs N] [--software] [--vtk | --turning | --metrics] [--data DIR]
 
   --runs N    timed runs of each program; medians are reported (default 7)
   --software  draw with the software adapter even if there is a GPU
   --vtk       also time VTK's volume ray casting and surfaces with SSAO, and compare its occlusion with ours (../shared/bench/vtk_peer.py,
               bench/peer_ssao.py; some minutes)
   --turning   only the frames a second of the default layout's 3D views while all turn, and what their lighting passes cost
+  --metrics   only the metrics of `measure --metrics` beside the packages whose conventions they follow; fails where one differs by more than 1e-6
+              (bench/peer_metrics.py; some minutes)
   --data DIR  folder with glioma-5-algorithms (default GLIOSCOPE_REAL_DATA or ../shared/data)
 TEXT
 }
 
 root=$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd)
 target_dir=${CARGO_TARGET_DIR:-$root/target}
-runs=7 software=() vtk='' turning='' data=${GLIOSCOPE_REAL_DATA:-$root/../shared/data}
+runs=7 software=() vtk='' turning='' metrics='' data=${GLIOSCOPE_REAL_DATA:-$root/../shared/data}
 while (($#)); do
     case $1 in
     --runs) runs=${2:?--runs needs a number} && shift 2 ;;
@@ -26,6 +28,7 @@ while (($#)); do
     --software) software=(--software) && shift ;;
     --vtk) vtk=1 && shift ;;
     --turning) turning=1 && shift ;;
+    --metrics) metrics=1 && shift ;;
     -h | --help) usage && exit 0 ;;
     *) echo "bench: unknown argument: $1" >&2 && usage >&2 && exit 2 ;;
     esac
@@ -51,10 +54,17 @@ fi
 cargo build --quiet --manifest-path "$root/Cargo.toml" --release -p glioscope
 glioscope=$target_dir/release/glioscope
 
-venv=$target_dir/venv
-requirements=$root/bench/requirements${vtk:+-vtk}.txt
+venv=$target_dir/venv requirements=$root/bench/requirements${vtk:+-vtk}.txt
+if [[ -n $metrics ]]; then
+    # They need NumPy 1.
+    venv=$target_dir/venv-metrics requirements=$root/bench/requirements-metrics.txt
+fi
 [[ -x $venv/bin/python ]] || python3 -m venv "$venv"
 "$venv/bin/pip" install --quiet --disable-pip-version-check -r "$requirements"
+
+if [[ -n $metrics ]]; then
+    exec "$venv/bin/python" "$root/bench/peer_metrics.py" "$glioscope" --data "$data"
+fi
 
 masks=()
 for rater in hnfnetv1-20 isen-20 scan-20; do

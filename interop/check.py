@@ -1,8 +1,11 @@
 """Glioscope beside pydicom, highdicom and SimpleITK, in both directions: what they write is read here with the same voxels in
 the same place, and what is exported here is read by them.
 
+Reports as DICOM and as PDF are read by others, too.
+
 Usage: check.py PROGRAM [ROOT]. ROOT: where Debian's packages dcmtk and dicom3tools are unpacked, whose dsrdump and dciodvfy
-read the reports, too. Everything is made in a temporary folder; nothing is downloaded.
+read the reports. With GLIOSCOPE_REAL_DATA, reports of real cases as well. Everything is made in a temporary folder; nothing is
+downloaded.
 """
 
 import json
@@ -13,6 +16,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+import check_pdf
 import highdicom as hd
 import numpy as np
 import pydicom
@@ -26,6 +30,9 @@ ROWS, COLUMNS, SLICES = 31, 23, 9
 SPACING_MM = (1.25, 0.8, 3.0)  # rows, columns, slices
 PROGRAM = sys.argv[1]
 ROOT = Path(sys.argv[2]) if len(sys.argv) > 2 else None
+# Names of a folder and a file, which no report has unless asked.
+STUDY, SEGMENTATION = "Folder-Canary", "file-canary"
+HIDDEN = ["Interop", "Canary", "IOP-7", "1950", STUDY, SEGMENTATION]
 checks = 0
 
 
@@ -129,9 +136,9 @@ def centroid_lps(images, mask):
 
 
 def from_others(folder, images, masks):
-    study = folder / "study"
+    study = folder / STUDY
     (study / "sub").mkdir()
-    segmentation(images, masks).save_as(study / "sub" / "seg")
+    segmentation(images, masks).save_as(study / "sub" / SEGMENTATION)
     for found, (name, mask) in zip(measure(study), masks.items(), strict=True):
         same(f"highdicom's SEG, {name}", found["voxels"], mask.sum())
         same(f"{name} in ml", found["native_volume_ml"], mask.sum() * np.prod(SPACING_MM) / 1000)
@@ -268,7 +275,7 @@ def measured(study):
 def reports(folder, study, images):
     """Reports as DICOM: highdicom, pydicom, dcmtk and dicom3tools read what `measure`, `lesions` and the PDF say."""
     masks, lesions = measured(study)
-    seg = pydicom.dcmread(study / "sub" / "seg", stop_before_pixels=True)
+    seg = pydicom.dcmread(study / "sub" / SEGMENTATION, stop_before_pixels=True)
     path = folder / "full.sr.dcm"
     glioscope("report", study, "--identity", "full", "--out", path)
     report = hd.sr.srread(path)
@@ -321,14 +328,42 @@ def reports(folder, study, images):
         no_findings("dciodvfy", path)
 
 
+def pdfs(folder, study):
+    """Reports as PDF by qpdf and PDFium, and nobody's name in them."""
+    global checks
+    # Name, case, options of the report, language, words that are nowhere and words that are in the text.
+    cases = [
+        ("full", [study], [], "en", [], ["Interop", "Canary", "IOP-7", "1950-01-01", STUDY, SEGMENTATION]),
+        ("none", [study], [], "en", [*HIDDEN, folder.name], []),
+        ("sample", ["--sample"], ["--criteria", "rano-2.0"], "en", [], []),
+    ]
+    if data := os.environ.get("GLIOSCOPE_REAL_DATA"):
+        glioma, pair = Path(data) / "glioma-5-algorithms", Path(data) / "reported/14-cat12-62-prepost"
+        cases.append(("glioma", [glioma], ["--language", "de"], "de", [glioma.name, ".nii"], []))
+        cases.append(("pair", [pair, "--order", "pre,post"], [], "en", [pair.name, "sub-01", ".nii"], []))
+    for name, case, options, language, hidden, shown in cases:
+        path = folder / f"{name}.pdf"
+        # The first two are made.
+        if not path.exists():
+            glioscope("report", *case, *options, "--software", "--out", path)
+        measured = json.loads(glioscope("measure", *case, "--metrics", "--json"))
+        found = check_pdf.faults(path.read_bytes(), language, measured, hidden, shown)
+        if name == "full":
+            found += [f"a fault isn't found: {one}" for one in check_pdf.faults_are_found(path.read_bytes(), measured, "Nobody-Knows")]
+        if found:
+            sys.exit(f"{path.name}: " + "; ".join(found))
+        checks += 1
+
+
 def main():
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        (folder / "study").mkdir()
-        images, masks = series(folder / "study"), overlapping_masks()
+        (folder / STUDY).mkdir()
+        images, masks = series(folder / STUDY), overlapping_masks()
         study = from_others(folder, images, masks)
         to_others(folder, study, images, masks)
         reports(folder, study, images)
+        pdfs(folder, study)
     print(f"interop: {checks} comparisons with highdicom {hd.__version__}, pydicom, SimpleITK and what else is there are equal")
 
 

@@ -1,6 +1,6 @@
-"""`glioscope cohort` on a made cohort beside what others say of it: tables against NumPy's numbers, read by DuckDB and pandas; the SQL of
-docs/cohort.md with the answers that stand there; ranks against pandas, tests against SciPy; and the same tables by Snakemake and, where
-it runs, Nextflow.
+"""`glioscope cohort` on a made cohort beside what others say of it: tables against NumPy's and SciPy's numbers, read by DuckDB, pandas
+and, where it is, R; the SQL of docs/cohort.md with the answers that stand there; ranks against pandas, tests against SciPy; and the same
+tables by Snakemake and, where it runs, Nextflow.
 
 Usage: cohort.py PROGRAM DATA [--update]. DATA: the folder glioma-5-algorithms. --update writes DuckDB's answers into the page.
 Everything is made in a temporary folder.
@@ -53,6 +53,75 @@ def files(folder):
     return {path.name: path.read_bytes() for path in sorted(Path(folder).iterdir())}
 
 
+def kappa(a, b):
+    """Cohen's: agreement beyond what is expected of two masks of these sizes."""
+    agreed, by_chance = (a == b).mean(), a.mean() * b.mean() + (1 - a.mean()) * (1 - b.mean())
+    return (agreed - by_chance) / (1 - by_chance)
+
+
+def corners(mask):
+    """Corners of voxels around which the eight differ."""
+    padded = np.pad(mask, 1)
+    around = [padded[tuple(slice(step, n + step - 1) for step, n in zip(steps, padded.shape))] for steps in itertools.product((0, 1), repeat=3)]
+    return np.any(around, axis=0) & ~np.all(around, axis=0)
+
+
+def faced(mask):
+    """Active voxels with an inactive one across a face."""
+    return mask & ~ndimage.binary_erosion(mask)
+
+
+def ways_mm(a, b, spacing):
+    """From each place of a surface to the nearest of the other, both ways."""
+    return [ndimage.distance_transform_edt(~to, spacing)[of] for of, to in ((a, b), (b, a))]
+
+
+def farthest(*ways):
+    return max(way.max() for way in ways)
+
+
+# Of MetricsReloaded, all places of one weight: the larger of both ways, and means over both and of both ways' means.
+BY_VOXELS = {
+    "hd_mm": farthest,
+    "hd95_mm": lambda *ways: max(np.percentile(way, 95) for way in ways),
+    "assd_mm": lambda *ways: np.concatenate(ways).mean(),
+    "masd_mm": lambda *ways: np.mean([way.mean() for way in ways]),
+    "nsd": lambda *ways: (np.concatenate(ways) <= 1.0).mean(),
+}
+
+
+def by_case(out, kind):
+    return {(case, time): rows for (case, time), rows in pd.read_parquet(out / "tables" / f"{kind}.parquet").groupby(["case", "time"])}
+
+
+def distances(out, make, surface, metrics):
+    """Every pair of masks, by SciPy's distances between what a convention calls their surfaces."""
+    tables = by_case(out, "pairs")
+    for n in range(CASES):
+        made, spacing = make(n)
+        for date, masks in made.items():
+            found = tables[f"case-{n:04d}", date].set_index(["a", "b", "metric"]).value
+            surfaces = {name: surface(mask) for name, mask in masks.items()}
+            for a, b in itertools.combinations(masks, 2):
+                ways = ways_mm(surfaces[a], surfaces[b], spacing)
+                for metric, of in metrics.items():
+                    same(f"case-{n:04d} {date} {a} {b} {metric}", found[a, b, metric], of(*ways), 1e-6)
+
+
+def lesion_volumes(out, make):
+    """A lesion is what overlaps over the dates: here the parts of one component of both dates' union."""
+    tables = by_case(out, "lesions")
+    for n in range(CASES):
+        made, spacing = make(n)
+        lesions, count = ndimage.label(np.any([made[date][REFERENCE] for date in DATES], axis=0), np.ones((3, 3, 3)))
+        for date in DATES:
+            voxels = ndimage.sum_labels(made[date][REFERENCE], lesions, range(1, count + 1))
+            expected = sorted(voxels[voxels > 0] * np.prod(spacing) / 1000)
+            found = sorted(tables[f"case-{n:04d}", date].volume_ml)
+            same(f"case-{n:04d} {date} lesions", len(found), len(expected))
+            same(f"case-{n:04d} {date} volumes of lesions", found, expected, 1e-6)
+
+
 def against_numpy(out, make):
     """Every mask, region and pair."""
     table = {kind: pd.read_parquet(out / "tables" / f"{kind}.parquet") for kind in ("masks", "regions", "pairs", "changes")}
@@ -79,8 +148,7 @@ def against_numpy(out, make):
                 both, either = (masks[a] & masks[b]).sum(), (masks[a] | masks[b]).sum()
                 same(f"{case} {a} {b} Jaccard", pairs[a, b, "jaccard"], both / either, 1e-12)
                 same(f"{case} {a} {b} Dice", pairs[a, b, "dice"], 2 * both / (both + either), 1e-12)
-                same(f"{case} {a} {b} kappa", pairs[a, b, "kappa"] <= pairs[a, b, "dice"], True)
-            # Distances scale with the voxels: those of case n are those of n's masks on voxels of the first size.
+                same(f"{case} {a} {b} kappa", pairs[a, b, "kappa"], kappa(masks[a], masks[b]), 1e-9)
         change = table["changes"][table["changes"].case == case].iloc[0]
         first, last = (made[date][REFERENCE] for date in DATES)
         same(f"{case} new", change.new_ml, (last & ~first).sum() * voxel_ml, 1e-6)
@@ -110,6 +178,44 @@ def against_readers(out):
             found = [float(row[name]) if row[name] else np.nan for row in rows]
             np.testing.assert_array_equal(found, by_pandas[name].astype(float).to_numpy(), f"{path.name} {name}")
             same(f"{path.stem} {name}", True, True)
+
+
+# Of every column of the table given: name, whether it has numbers, how many fields are empty, and the sum of its numbers.
+BY_R = """
+table <- read.csv(commandArgs(TRUE), na.strings = "", check.names = FALSE)
+for (name in names(table)) {
+    column <- table[[name]]
+    all <- if (is.numeric(column)) sum(as.numeric(column), na.rm = TRUE) else 0
+    cat(name, is.numeric(column), sum(is.na(column)), sprintf("%.17g", all), nrow(table), sep = "\\t")
+    cat("\\n")
+}
+"""
+
+
+def by_r(out):
+    """R reads the CSV as pandas reads the Parquet."""
+    program = shutil.which("Rscript")
+    if not program:
+        print("SKIPPED: R isn't installed; the tables weren't read by it")
+        return
+    script = out.parent / "table.R"
+    script.write_text(BY_R)
+    for path in sorted((out / "tables").glob("*.csv")):
+        done = subprocess.run([program, str(script), str(path)], capture_output=True, text=True)
+        if done.returncode:
+            sys.exit(f"R on {path.name}: {done.stderr}")
+        table = pd.read_parquet(path.with_suffix(".parquet"))
+        columns = [line.split("\t") for line in done.stdout.splitlines()]
+        same(f"columns of {path.name} by R", [column[0] for column in columns], list(table))
+        for name, is_number, empty, total, rows in columns:
+            # In CSV an empty text and none are the same, and a column without a value has no type.
+            is_empty = table[name].isna() | (table[name].astype(object) == "")
+            same(f"{name} of {path.name} by R", (int(empty), int(rows)), (int(is_empty.sum()), len(table)))
+            if not is_empty.all() and not pd.api.types.is_bool_dtype(table[name]):
+                is_expected = pd.api.types.is_numeric_dtype(table[name])
+                same(f"{name} of {path.name} is a number by R", is_number == "TRUE", is_expected)
+                if is_expected:
+                    same(f"sum of {name} of {path.name} by R", float(total), table[name].astype(float).sum(), 1e-12)
 
 
 def against_statistics(out):
@@ -238,7 +344,14 @@ with tempfile.TemporaryDirectory() as temporary:
     cohort(data, out, "participant", *OPTIONS)
     cohort(data, out, "group", *GROUP)
     against_numpy(out, make)
+    lesion_volumes(out, make)
+    distances(out, make, corners, {"hd_mm": farthest})
+    by_voxels = folder / "by voxels"
+    cohort(data, by_voxels, "participant", "--compute", "metrics", "--convention", "metrics-reloaded")
+    cohort(data, by_voxels, "group")
+    distances(by_voxels, make, faced, BY_VOXELS)
     against_readers(out)
+    by_r(out)
     against_statistics(out)
     examples(out)
     by_numpy(out, make)

@@ -5,20 +5,23 @@ set -euo pipefail
 
 usage() {
     cat <<'TEXT'
-Usage: ./x bench [--runs N] [--software] [--vtk | --turning] [--data DIR]
+Usage: ./x bench [--runs N] [--software] [--vtk | --turning | --registration N] [--data DIR]
 
   --runs N    timed runs of each program; medians are reported (default 7)
   --software  draw with the software adapter even if there is a GPU
   --vtk       also time VTK's volume ray casting and surfaces with SSAO, and compare its occlusion with ours (../shared/bench/vtk_peer.py,
               bench/peer_ssao.py; some minutes)
   --turning   only the frames a second of the default layout's 3D views while all turn, and what their lighting passes cost
+  --registration N
+              only the error and time of registrations of N cases of T1c on T1c and N on FLAIR, beside SimpleITK, elastix, greedy and
+              ANTs (bench/peer_registration.py; some minutes for each case, and gigabytes of packages)
   --data DIR  folder with glioma-5-algorithms (default GLIOSCOPE_REAL_DATA or ../shared/data)
 TEXT
 }
 
 root=$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd)
 target_dir=${CARGO_TARGET_DIR:-$root/target}
-runs=7 software=() vtk='' turning='' data=${GLIOSCOPE_REAL_DATA:-$root/../shared/data}
+runs=7 software=() vtk='' turning='' registration='' data=${GLIOSCOPE_REAL_DATA:-$root/../shared/data}
 while (($#)); do
     case $1 in
     --runs) runs=${2:?--runs needs a number} && shift 2 ;;
@@ -26,6 +29,7 @@ while (($#)); do
     --software) software=(--software) && shift ;;
     --vtk) vtk=1 && shift ;;
     --turning) turning=1 && shift ;;
+    --registration) registration=${2:?--registration needs a number} && shift 2 ;;
     -h | --help) usage && exit 0 ;;
     *) echo "bench: unknown argument: $1" >&2 && usage >&2 && exit 2 ;;
     esac
@@ -50,6 +54,14 @@ fi
 
 cargo build --quiet --manifest-path "$root/Cargo.toml" --release -p glioscope
 glioscope=$target_dir/release/glioscope
+
+if [[ -n $registration ]]; then
+    # A folder of its own: ANTs and ITK are large, and their NumPy is another one.
+    venv=$target_dir/venv-registration
+    [[ -x $venv/bin/python ]] || python3 -m venv "$venv"
+    "$venv/bin/pip" install --quiet --disable-pip-version-check -r "$root/bench/requirements-registration.txt"
+    exec "$venv/bin/python" "$root/bench/peer_registration.py" "$glioscope" "$data" --cases "$registration"
+fi
 
 venv=$target_dir/venv
 requirements=$root/bench/requirements${vtk:+-vtk}.txt

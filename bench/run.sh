@@ -5,7 +5,7 @@ set -euo pipefail
 
 usage() {
     cat <<'TEXT'
-Usage: ./x bench [--runs N] [--software] [--vtk | --turning | --metrics] [--data DIR]
+Usage: ./x bench [--runs N] [--software] [--vtk | --turning | --metrics | --registration N] [--data DIR]
 
   --runs N    timed runs of each program; medians are reported (default 7)
   --software  draw with the software adapter even if there is a GPU
@@ -14,13 +14,16 @@ Usage: ./x bench [--runs N] [--software] [--vtk | --turning | --metrics] [--data
   --turning   only the frames a second of the default layout's 3D views while all turn, and what their lighting passes cost
   --metrics   only the metrics of `measure --metrics` beside the packages whose conventions they follow; fails where one differs by more than 1e-6
               (bench/peer_metrics.py; some minutes)
+  --registration N
+              only the error and time of registrations of N cases of T1c on T1c and N on FLAIR, beside SimpleITK, elastix, greedy and
+              ANTs (bench/peer_registration.py; some minutes for each case, and gigabytes of packages)
   --data DIR  folder with glioma-5-algorithms (default GLIOSCOPE_REAL_DATA or ../shared/data)
 TEXT
 }
 
 root=$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd)
 target_dir=${CARGO_TARGET_DIR:-$root/target}
-runs=7 software=() vtk='' turning='' metrics='' data=${GLIOSCOPE_REAL_DATA:-$root/../shared/data}
+runs=7 software=() vtk='' turning='' metrics='' registration='' data=${GLIOSCOPE_REAL_DATA:-$root/../shared/data}
 while (($#)); do
     case $1 in
     --runs) runs=${2:?--runs needs a number} && shift 2 ;;
@@ -29,6 +32,7 @@ while (($#)); do
     --vtk) vtk=1 && shift ;;
     --turning) turning=1 && shift ;;
     --metrics) metrics=1 && shift ;;
+    --registration) registration=${2:?--registration needs a number} && shift 2 ;;
     -h | --help) usage && exit 0 ;;
     *) echo "bench: unknown argument: $1" >&2 && usage >&2 && exit 2 ;;
     esac
@@ -58,10 +62,16 @@ venv=$target_dir/venv requirements=$root/bench/requirements${vtk:+-vtk}.txt
 if [[ -n $metrics ]]; then
     # They need NumPy 1.
     venv=$target_dir/venv-metrics requirements=$root/bench/requirements-metrics.txt
+elif [[ -n $registration ]]; then
+    # ANTs and ITK are large, and their NumPy is another one.
+    venv=$target_dir/venv-registration requirements=$root/bench/requirements-registration.txt
 fi
 [[ -x $venv/bin/python ]] || python3 -m venv "$venv"
 "$venv/bin/pip" install --quiet --disable-pip-version-check -r "$requirements"
 
+if [[ -n $registration ]]; then
+    exec "$venv/bin/python" "$root/bench/peer_registration.py" "$glioscope" "$data" --cases "$registration"
+fi
 if [[ -n $metrics ]]; then
     exec "$venv/bin/python" "$root/bench/peer_metrics.py" "$glioscope" --data "$data"
 fi

@@ -8,7 +8,7 @@ use glam::DVec3;
 use glioscope_core::{
     Grid, Progress, Samples, Scaling, Volume,
     case::{CaseSpec, LoadOptions, load},
-    files::{WriteOptions, write_nifti},
+    files::{WriteOptions, write_nifti, write_whole},
 };
 use serde_json::Value;
 
@@ -95,4 +95,39 @@ fn region_counts_match_numpy() {
     let counts: Vec<u64> = theirs.iter().map(|r| r["voxels"].as_u64().unwrap()).collect();
     assert_eq!(counts, regions.list().iter().map(|r| r.voxels).collect::<Vec<_>>());
     assert!(counts.len() == 2 && counts.iter().all(|n| *n > 500), "{counts:?}");
+}
+
+/// The cases, errors and rows of the comparison of registrations, with a script in place of the program: that finds nothing to move
+/// in one kind of images, and refuses the other.
+#[cfg(unix)]
+#[test]
+fn registrations_are_judged_by_what_was_put_in() {
+    use std::os::unix::fs::PermissionsExt;
+
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("glioma-5-algorithms");
+    std::fs::create_dir(&data).unwrap();
+    for (name, radius_mm) in [("t1c", 10.0), ("fla", 9.0), ("hnfnetv1-20", 6.0)] {
+        write_ball(&data, &format!("{name}.nii.gz"), radius_mm);
+    }
+    let program = folder.path().join("register");
+    let text = "#!/bin/sh\ncase \"$*\" in *FLAIR*) exit 2 ;; esac\n\
+                echo '{\"moving_from_fixed\": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}'\n";
+    write_whole(&program, text.as_bytes()).unwrap();
+    std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
+    let [program, data] = [&program, folder.path()].map(|path| path.to_str().unwrap());
+    let arguments = [program, data, "--cases", "1", "--programs", "glioscope"];
+    let Some(table) = run_script("peer_registration.py", &arguments) else { return };
+    let row = |kind: &str| -> Vec<String> {
+        let begin = format!("| glioscope | T1c on {kind} | 1 |");
+        let row = table.lines().find(|line| line.starts_with(&begin)).unwrap();
+        row.split('|').map(|cell| cell.trim().to_owned()).collect()
+    };
+    // Median, 95 %, most: of one case the same; how far the images were moved, which is not nothing.
+    let t1c = row("T1c");
+    let moved_mm: f64 = t1c[4].parse().unwrap();
+    assert!(moved_mm > 2.0 && moved_mm < 45.0, "{table}");
+    assert_eq!((&t1c[5], &t1c[6], &t1c[7], &t1c[8]), (&t1c[4], &t1c[4], &"0".to_owned(), &"1".to_owned()));
+    let flair = row("FLAIR");
+    assert_eq!((flair[4].as_str(), flair[7].as_str(), flair[8].as_str()), ("", "1", "0"), "{table}");
 }

@@ -49,6 +49,7 @@ pub mod ellipsoid;
 pub mod export;
 pub mod files;
 pub mod grid;
+mod histogram;
 pub mod inside_lens;
 pub mod lesions;
 pub mod mask;

@@ -6,8 +6,8 @@ use clap::Args;
 use glioscope_core::{
     Check,
     case::{
-        Alignment, CaseGridChoice, CaseRegistration, LoadOptions, RegisterCase, register_dates,
-        register_images,
+        Alignment, CaseGridChoice, CaseRegistration, LoadOptions, RegisterCase, close_loops, has_loops,
+        register_dates, register_images,
     },
     files::{DEFAULT_MAX_BYTES, format::volume_names},
 };
@@ -50,6 +50,11 @@ pub struct MaskArguments {
     /// grid; before --register.
     #[arg(long, value_enum, value_name = "MODEL", num_args = 0..=1, require_equals = true, default_missing_value = "rigid")]
     pub register_images: Option<ModelArgument>,
+    /// With --register and --register-images: also how far points of the tumour end from where they began on their way around a
+    /// loop of registrations: the first date, two later ones and back; there by one image and back by another one; or the same
+    /// of three images of a date. One more registration for each loop.
+    #[arg(long)]
+    pub loops: bool,
     /// All files lie in one space, though they state several frames of reference.
     #[arg(long)]
     pub one_space: bool,
@@ -111,12 +116,17 @@ impl CaseArguments {
     /// [`AppError`] where none is given and `or_sample` is false, and for a session that can't be read.
     pub fn request(&self, or_sample: bool) -> Result<Request, AppError> {
         let request = self.plain_request(or_sample)?;
-        let request = match self.parts.register_images {
-            Some(model) => registered(request, "--register-images", model, register_images)?,
+        let (register, of_images, loops) =
+            (self.parts.register, self.parts.register_images, self.parts.loops);
+        if loops && register.is_none() && of_images.is_none() {
+            return Err(AppError::arguments("--loops alone", "--register or --register-images beside it"));
+        }
+        let request = match of_images {
+            Some(model) => registered(request, "--register-images", (model, loops), register_images)?,
             None => request,
         };
-        match self.parts.register {
-            Some(model) => registered(request, "--register", model, register_dates),
+        match register {
+            Some(model) => registered(request, "--register", (model, loops), register_dates),
             None => Ok(request),
         }
     }
@@ -154,14 +164,22 @@ impl CaseArguments {
 fn registered(
     mut request: Request,
     option: &str,
-    model: ModelArgument,
+    (model, loops): (ModelArgument, bool),
     register: RegisterCase,
 ) -> Result<Request, AppError> {
     let read = terminal::with_progress(|progress| load::read_at_once(request.clone(), progress))?;
-    let found = terminal::with_progress(|progress| register(&read.case, None, model.into(), progress))?;
+    if loops && !has_loops(&read.case) {
+        let expected = "three dates, two dates with two images in common, or a date with three images";
+        return Err(AppError::wrong("--loops", "no loop", expected));
+    }
+    let model = model.into();
+    let mut found = terminal::with_progress(|progress| register(&read.case, None, model, progress))?;
     if found.is_empty() {
         let expected = "a case with several dates or images, some of them not moved yet";
         return Err(AppError::wrong(option, "nothing to move", expected));
+    }
+    if loops {
+        terminal::with_progress(|progress| close_loops(&read.case, &mut found, model, progress))?;
     }
     for CaseRegistration { time, images, result, .. } in found {
         let images = images.map(|[fixed, own]| format!("{own} on {fixed}: ")).unwrap_or_default();

@@ -8,7 +8,7 @@ use glioscope_core::{
     Mask, MaskBits, Progress, Volume, decimal,
     files::{self, ReadOptions, Source},
     grid::rows,
-    register::{self, Consistency, Image, Measure, Model, Options, Outcome},
+    register::{self, Consistency, Image, Measure, Model, Options, Outcome, Spread},
     surface,
     transform::{self, Transform},
 };
@@ -33,6 +33,10 @@ pub struct RegisterArguments {
     /// Likewise in the space of the moving image.
     #[arg(long, value_name = "MASK")]
     pub moving_lesions: Vec<PathBuf>,
+    /// A third image of the patient: also how far points end from where they began on their way around the loop from the fixed
+    /// image to this one, to the moving one and back. Two more registrations.
+    #[arg(long, value_name = "IMAGE")]
+    pub through: Option<PathBuf>,
     /// What the transform may do.
     #[arg(long, value_enum, default_value = "rigid")]
     pub model: ModelArgument,
@@ -86,23 +90,30 @@ pub(super) fn run(arguments: &RegisterArguments) -> Result<(), AppError> {
             return Err(AppError::file(out, "another ending", ".tfm or .txt"));
         }
         let inputs = [&arguments.fixed, &arguments.moving].into_iter();
-        let inputs = inputs.chain(&arguments.lesions).chain(&arguments.moving_lesions);
+        let inputs =
+            inputs.chain(&arguments.through).chain(&arguments.lesions).chain(&arguments.moving_lesions);
         output::refuse(out, &files::Inputs::new(inputs.cloned()), arguments.force)?;
     }
-    let (options, outcome, consistency) = terminal::with_progress(|progress| found(arguments, progress))?;
+    let found = terminal::with_progress(|progress| found(arguments, progress))?;
     let seconds = started.elapsed().as_secs_f64();
-    let transform = Transform::new(outcome.moving_from_fixed)
+    let transform = Transform::new(found.outcome.moving_from_fixed)
         .map_err(|refusal| AppError::file(&arguments.moving, refusal.found, refusal.expected))?;
     if let Some(out) = out {
         transform::write_itk(out, &transform)?;
     }
     if arguments.json {
-        return terminal::print_json(&described(arguments, &options, &outcome, &consistency, seconds));
+        return terminal::print_json(&described(arguments, &found, seconds));
     }
-    terminal::print(&text(&transform, &outcome, &consistency, seconds))
+    terminal::print(&text(&transform, &found, seconds))
 }
 
-type Found = (Options, Outcome, Consistency);
+struct Found {
+    options: Options,
+    outcome: Outcome,
+    consistency: Consistency,
+    /// `None` without a third image.
+    around: Option<Spread>,
+}
 
 fn found(arguments: &RegisterArguments, progress: &Progress) -> Result<Found, AppError> {
     let image = |path: &PathBuf| -> Result<Volume, AppError> {
@@ -129,20 +140,32 @@ fn found(arguments: &RegisterArguments, progress: &Progress) -> Result<Found, Ap
         Some(MeasureArgument::Across) => Measure::AcrossModalities,
     };
     let options = Options { model: arguments.model.into(), measure, ..Options::default() };
-    let failed = |error: register::RegisterError| match error {
+    let refused = |path: &PathBuf, with: &str, error: register::RegisterError| match error {
         register::RegisterError::Cancelled(cancelled) => AppError::from(cancelled),
         // Its own text says what was expected of the images.
         error => AppError::file(
-            &arguments.moving,
+            path,
             format!("no alignment ({})", error.to_string().replace(", expected", ", needed")),
-            "an image that can be aligned with the fixed one",
+            format!("an image that can be aligned with the {with} one"),
         ),
     };
+    let failed = |error| refused(&arguments.moving, "fixed", error);
     let outcome = register::register(&images[0], &images[1], &options, progress).map_err(failed)?;
     let points_mm = points_mm(&of_fixed, &fixed);
     let consistency = register::consistency(&images[0], &images[1], &options, &outcome, &points_mm, progress)
         .map_err(failed)?;
-    Ok((options, outcome, consistency))
+    let mut around = None;
+    if let Some(through) = &arguments.through {
+        let volume = image(through)?;
+        let third = Image::whole(&volume);
+        let there = register::register(&images[0], &third, &options, progress);
+        let there = there.map_err(|error| refused(through, "fixed", error))?;
+        let on = register::register(&third, &images[1], &options, progress);
+        let on = on.map_err(|error| refused(through, "moving", error))?;
+        let legs = [there.moving_from_fixed, on.moving_from_fixed, outcome.moving_from_fixed.inverse()];
+        around = register::around(&legs, &points_mm);
+    }
+    Ok(Found { options, outcome, consistency, around })
 }
 
 /// Where the consistency is told: at the lesions' surfaces, else at a lattice over the middle of the image.
@@ -161,13 +184,8 @@ fn points_mm(lesions: &[&Mask], fixed: &Volume) -> Vec<DVec3> {
         .collect()
 }
 
-fn described(
-    arguments: &RegisterArguments,
-    options: &Options,
-    outcome: &Outcome,
-    consistency: &Consistency,
-    seconds: f64,
-) -> Value {
+fn described(arguments: &RegisterArguments, found: &Found, seconds: f64) -> Value {
+    let Found { options, outcome, consistency, around } = found;
     let all = consistency.all;
     let how = if arguments.lesions.is_empty() {
         "over the middle of the fixed image"
@@ -191,6 +209,12 @@ fn described(
                 "{how}: repeated from perturbed starts, with the images exchanged and, where lesions are left out, with them"
             ),
         },
+        "loop_mm": around.map(|around| json!({
+            "median": around.median_mm,
+            "p95": around.p95_mm,
+            "max": around.max_mm,
+            "through": arguments.through.as_ref().map(|path| path.display().to_string()),
+        })),
         "converged": true,
         "similarity": outcome.similarity,
         "overlap": outcome.overlap_share,
@@ -208,14 +232,13 @@ fn measure(outcome: &Outcome) -> &'static str {
     }
 }
 
-fn text(transform: &Transform, outcome: &Outcome, consistency: &Consistency, seconds: f64) -> String {
+fn text(transform: &Transform, found: &Found, seconds: f64) -> String {
+    let Found { outcome, consistency, around, .. } = found;
     let mm = |value: f64| decimal::text(value, 3);
-    let all = consistency.all.map_or_else(
-        || "unknown".to_owned(),
-        |all| {
-            format!("median {} mm, 95 % {} mm, most {} mm", mm(all.median_mm), mm(all.p95_mm), mm(all.max_mm))
-        },
-    );
+    let spread = |all: Spread| {
+        format!("median {} mm, 95 % {} mm, most {} mm", mm(all.median_mm), mm(all.p95_mm), mm(all.max_mm))
+    };
+    let all = consistency.all.map_or_else(|| "unknown".to_owned(), spread);
     let mut lines = vec![
         format!("compared     {}", measure(outcome)),
         format!("turns by     {}°", mm(transform.turn_deg())),
@@ -224,6 +247,8 @@ fn text(transform: &Transform, outcome: &Outcome, consistency: &Consistency, sec
         format!("time         {} s", decimal::text(seconds, 1)),
         "moving from fixed, RAS mm:".to_owned(),
     ];
+    let around = around.map(|around| format!("loop         {}", spread(around)));
+    lines.splice(3..3, around);
     lines.extend(rows(outcome.moving_from_fixed).iter().map(|row| {
         let numbers: Vec<String> = row.iter().map(|number| format!("{number:14.9}")).collect();
         format!("  {}", numbers.join(" "))

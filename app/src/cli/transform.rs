@@ -18,7 +18,7 @@ use crate::{error::AppError, output};
 /// Arguments of `transform`.
 #[derive(Debug, Args)]
 pub struct TransformArguments {
-    /// The transform: ITK, ANTs or 3D Slicer (.tfm, .txt, .mat), FreeSurfer (.lta, register.dat), FLIRT (.mat), or a bare 4x4
+    /// The transform: ITK, ANTs or 3D Slicer (.tfm, .txt, .mat, .h5), FreeSurfer (.lta, register.dat), FLIRT (.mat), or a bare 4x4
     /// matrix of NiftyReg, greedy or others.
     pub file: PathBuf,
     /// What a bare 4x4 matrix means.
@@ -107,6 +107,13 @@ fn write(out: &Path, transform: &Transform) -> Result<(), AppError> {
     let ending = out.extension().map(|ending| ending.to_string_lossy().to_lowercase());
     match ending.as_deref() {
         Some("tfm" | "txt") => transform::write_itk(out, transform)?,
+        Some("h5" | "hdf5") => {
+            return Err(AppError::file(
+                out,
+                "HDF5, which is read only",
+                ".tfm, which the same programs read",
+            ));
+        }
         _ => transform::write_matrix(out, transform, Convention::RasMovingFromFixed)?,
     }
     Ok(())

@@ -3,7 +3,12 @@
 use std::path::PathBuf;
 
 use glam::DVec3;
-use glioscope_core::{Sides, case::Case, csv};
+use glioscope_core::{
+    Sides,
+    case::Case,
+    csv,
+    measure::{Statistics, in_circle},
+};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use strum::{IntoStaticStr, VariantArray};
@@ -112,14 +117,24 @@ fn time_label(case: &Case, ruler: &Ruler) -> String {
     case.time_points.get(ruler.time).map(|t| t.label.clone()).unwrap_or_default()
 }
 
-/// All lines as CSV. Names that a spreadsheet would interpret as a formula are prefixed with an apostrophe.
+/// Values of the images of its date in a circle; nothing of other shapes.
+fn values(case: &Case, ruler: &Ruler) -> Vec<Statistics> {
+    let Shape::Circle { normal } = ruler.shape else { return Vec::new() };
+    let images = case.time_points.get(ruler.time).map(|time| time.contexts.as_slice()).unwrap_or_default();
+    let circle = (ruler.from_mm, normal, ruler.length_mm());
+    images.iter().map(|image| in_circle(&ruler.name, (&image.id, &image.volume), circle)).collect()
+}
+
+/// All lines as CSV, a circle once for each image of its date. Names that a spreadsheet would interpret as a formula are prefixed with an apostrophe.
 pub fn as_csv(case: &Case, rulers: &[Ruler]) -> Vec<u8> {
     // Columns are named after the RAS+ axes only where the sides are known.
     let axes = if case.grid.sides() == Sides::Known { ["r", "a", "s"] } else { ["x", "y", "z"] };
     let ends = ["from", "to"].into_iter().flat_map(|end| axes.map(|axis| format!("{end}_{axis}_mm")));
     let head = ["name", "time", "view", "length_mm"].map(str::to_owned);
     let beside = ["kind", "across_mm", "product_mm2", "angle_degrees", "area_mm2"].map(str::to_owned);
-    let mut table = csv::Table::new(head.into_iter().chain(ends).chain(beside));
+    let of_image = ["image", "voxels", "mean", "sd", "min", "max"].into_iter();
+    let of_image = of_image.chain(["histogram_first", "histogram_bin", "histogram"]).map(str::to_owned);
+    let mut table = csv::Table::new(head.into_iter().chain(ends).chain(beside).chain(of_image.clone()));
     for ruler in rulers {
         let coordinates_mm = [ruler.from_mm, ruler.to_mm].into_iter().flat_map(|end| end.to_array());
         let head = [
@@ -132,9 +147,30 @@ pub fn as_csv(case: &Case, rulers: &[Ruler]) -> Vec<u8> {
         let numbers = [ruler.across_mm(), ruler.product_mm2(), ruler.angle_degrees(), ruler.area_mm2()];
         let numbers = numbers.map(|value| value.map(|value| value.to_string()).unwrap_or_default());
         let beside = std::iter::once(kind.to_owned()).chain(numbers);
-        table.row(head.into_iter().chain(coordinates_mm.map(|mm| mm.to_string())).chain(beside));
+        let own: Vec<String> =
+            head.into_iter().chain(coordinates_mm.map(|mm| mm.to_string())).chain(beside).collect();
+        let values = values(case, ruler);
+        if values.is_empty() {
+            table.row(own.into_iter().chain(of_image.clone().map(|_| String::new())));
+            continue;
+        }
+        for found in values {
+            table.row(own.iter().cloned().chain(value_cells(&found)));
+        }
     }
     table.into_bytes()
+}
+
+/// The cells of values: of the histogram the counts, separated by spaces.
+fn value_cells(found: &Statistics) -> impl Iterator<Item = String> {
+    let number = |value: Option<f64>| value.map(|value| value.to_string()).unwrap_or_default();
+    let Statistics { mean, sd, min, max, histogram, .. } = found;
+    let bins = histogram.as_ref();
+    let counts = bins.map(|bins| bins.counts.iter().map(u64::to_string).collect::<Vec<_>>().join(" "));
+    let [mean, sd, min, max] = [*mean, *sd, *min, *max].map(number);
+    let [first, bin] = [bins.map(|bins| bins.first), bins.map(|bins| bins.bin)].map(number);
+    let counts = counts.unwrap_or_default();
+    [csv::text(&found.image), found.voxels.to_string(), mean, sd, min, max, first, bin, counts].into_iter()
 }
 
 /// All lines as JSON, with the case's doubts.
@@ -161,6 +197,7 @@ pub fn as_json(case: &Case, rulers: &[Ruler]) -> serde_json::Value {
             "angle_degrees": ruler.angle_degrees(),
             "third_mm": third_mm,
             "area_mm2": ruler.area_mm2(),
+            "values": values(case, ruler),
         })
     };
     json!({

@@ -428,11 +428,13 @@ impl Content<'_> {
         let how = self.redactor.text(&aligned.by.join("; "));
         let consistency = aligned.consistency_mm.map(|mm| words.number(&format!("{mm:.2} mm")));
         let consistency = consistency.map(|mm| words.with("consistency", &[("mm", mm)]));
+        let around = aligned.loop_mm.map(|mm| words.number(&format!("{mm:.2} mm")));
+        let around = around.map(|mm| words.with("consistency-loop", &[("mm", mm)]));
         let seen = match &aligned.accepted {
             Some(day) => words.with("alignment-accepted", &[("date", day.clone())]),
             None => words.get("alignment-not-accepted"),
         };
-        (what, [Some(how), consistency, Some(seen)].into_iter().flatten().collect::<Vec<_>>().join("; "))
+        (what, [Some(how), consistency, around, Some(seen)].into_iter().flatten().collect::<Vec<_>>().join("; "))
     }
 
     /// The volume of each mask over the dates, names of the dates, and their places on a time axis.

@@ -36,6 +36,8 @@ pub struct DatesPane {
 
 /// Least distance of two labels of dates on the axis, points.
 const LABEL_STEP_POINTS: f64 = 78.0;
+/// Room for the names of masks above the chart, points.
+const NAMES_POINTS: f32 = 28.0;
 /// Width of the chart's axis of volumes, points.
 const AXIS_POINTS: f32 = 40.0;
 
@@ -102,7 +104,9 @@ impl DatesPane {
             ui.selectable_value(&mut self.regions, true, "Regions");
             ui.weak("Click a date: compare to it. Shift-click: from it");
         });
-        let height = (ui.available_height() * 0.55).clamp(140.0, 320.0);
+        let room = ui.available_height();
+        // In a low pane as high as fits below the names, so that the dates under it are seen without scrolling.
+        let height = (room * 0.55).clamp(140.0, 320.0).min((room - NAMES_POINTS).max(100.0));
         chart(ui, &input, &labels, self.regions, chosen.as_ref().ok(), height, out);
         if let Err(error) = &chosen {
             ui.weak(no_comparison_text(error));

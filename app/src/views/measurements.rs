@@ -1,9 +1,9 @@
 //! The list of rulers: naming, lengths, showing, deleting and exporting.
 
-use egui::{Align, Layout, RichText, ScrollArea, TextEdit, Ui};
+use egui::{Align, Layout, Rect, RichText, ScrollArea, Sense, TextEdit, Ui, pos2, vec2};
 use egui_extras::{Column, TableBuilder};
 
-use glioscope_core::measure::{Statistics, in_circle};
+use glioscope_core::measure::{Statistics, ValueHistogram, in_circle};
 use glioscope_render::flat::PreparedContext;
 use strum::VariantArray;
 
@@ -21,6 +21,8 @@ use crate::{
 
 /// Height of a row, points.
 const ROW_PT: f32 = 24.0;
+/// Size of a histogram, points.
+const HISTOGRAM_PT: [f32; 2] = [82.0, 16.0];
 
 /// The pane of the list of measurements.
 #[derive(Default)]
@@ -35,6 +37,7 @@ impl Pane for MeasurementsPane {
             ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
                 content(ui, &stage.input, out);
                 self.circles(ui, &stage.input);
+                in_lens(ui, stage);
                 ui.add_space(8.0);
                 values(ui, stage);
             });
@@ -54,17 +57,54 @@ impl MeasurementsPane {
             let found = known.map(|(.., found)| found.clone()).unwrap_or_else(|| {
                 in_circle(&ruler.name, (id, image.volume()), (ruler.from_mm, normal, ruler.length_mm()))
             });
-            let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), format::four_digits);
-            let [mean, sd, min, max] = [found.mean, found.sd, found.min, found.max].map(number);
-            ui.label(format!(
-                "{}, {} voxels of {id}: mean {mean}, SD {sd}, least {min}, most {max}",
-                ruler.name,
-                format::count(found.voxels)
-            ));
+            region(ui, &ruler.name, &found);
             shown.push((ruler.clone(), of_image.clone(), found));
         }
         self.circles = shown;
     }
+}
+
+/// The values of the image shown in the lens, while it is on.
+fn in_lens(ui: &mut Ui, stage: &mut Stage<'_>) {
+    let input = stage.input;
+    let (Some(image), Some(lens)) = (input.context, input.doc.active_lens()) else { return };
+    if let Lookup::Ready(found) = stage.results.numbers.lens_values(lens, image, stage.ask) {
+        region(ui, "Lens", found);
+    }
+}
+
+/// Values in a region: a line of numbers and their histogram.
+fn region(ui: &mut Ui, name: &str, found: &Statistics) {
+    let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), format::four_digits);
+    let [mean, sd, min, max] = [found.mean, found.sd, found.min, found.max].map(number);
+    ui.horizontal_wrapped(|ui| {
+        ui.label(format!(
+            "{name}, {} voxels of {}: mean {mean}, SD {sd}, least {min}, most {max}",
+            format::count(found.voxels),
+            found.image
+        ));
+        histogram(ui, name, found.histogram.as_ref());
+    });
+}
+
+/// The histogram of values of a region as bars, the highest as high as there is room for; nothing where all values are the same.
+fn histogram(ui: &mut Ui, of: &str, bins: Option<&ValueHistogram>) {
+    let Some(bins) = bins else { return };
+    let (rect, response) = ui.allocate_exact_size(HISTOGRAM_PT.into(), Sense::hover());
+    let most = bins.counts.iter().copied().max().unwrap_or(0).max(1) as f32;
+    let width = rect.width() / bins.counts.len() as f32;
+    let color = ui.visuals().weak_text_color();
+    for (at, count) in bins.counts.iter().enumerate().filter(|(_, count)| **count > 0) {
+        // At least half a point, so that a bin that isn't empty shows.
+        let height = (rect.height() * *count as f32 / most).max(0.5);
+        let left = rect.left() + at as f32 * width;
+        let bar = Rect::from_min_size(pos2(left, rect.bottom() - height), vec2(width, height));
+        ui.painter().rect_filled(bar, 0.0, color);
+    }
+    let last = bins.first + bins.bin * bins.counts.len() as f64;
+    let [first, last, bin] = [bins.first, last, bins.bin].map(format::four_digits);
+    draw::name_widget(ui, &response, &format!("Histogram of {of}"));
+    response.on_hover_text(format!("Histogram: {} bins of {bin} from {first} to {last}", bins.counts.len()));
 }
 
 fn content(ui: &mut Ui, input: &Input<'_>, out: &mut Commands) {
@@ -129,11 +169,12 @@ fn values(ui: &mut Ui, stage: &mut Stage<'_>) {
         }
     };
     ui.spacing_mut().item_spacing.x = 4.0;
-    let titles = ["Mask", "Mean", "SD", "Least", "Most", "Peak"];
+    let titles = ["Mask", "Mean", "SD", "Least", "Most", "Peak", "Histogram"];
     let table = TableBuilder::new(ui).id_salt("values").vscroll(false).striped(true);
     let table = table.cell_layout(Layout::left_to_right(Align::Center));
     let table = table.column(Column::remainder().at_least(60.0).clip(true));
-    let table = table.columns(Column::exact(62.0).clip(true), titles.len() - 1);
+    let table = table.columns(Column::exact(62.0).clip(true), titles.len() - 2);
+    let table = table.column(Column::exact(HISTOGRAM_PT[0]));
     table
         .header(ROW_PT - 4.0, |mut row| {
             for title in titles {
@@ -157,6 +198,10 @@ fn values(ui: &mut Ui, stage: &mut Stage<'_>) {
                             ui.label(value.map_or_else(|| "–".to_owned(), format::four_digits));
                         });
                     }
+                    row.col(|ui| {
+                        let name = input.doc.edit.masks.name(&of_mask.mask);
+                        histogram(ui, &name, of_mask.histogram.as_ref());
+                    });
                 });
             }
         });

@@ -15,6 +15,7 @@ use crate::{
     command::Commands,
     model::PaneId,
     theme::{self, LABEL_POINTS},
+    world::Second,
 };
 
 /// Space between cells, points.
@@ -138,7 +139,7 @@ impl SideBySidePane {
             matched_to: of_date_shown.map(|(_, image)| image).filter(|_| *time != input.time),
             // Cells of one size and one magnification.
             fit_grid: Some(input.context.map_or(&input.case.grid, |(_, image)| image.volume().grid())),
-            second: None,
+            second: second_of(input, date, id.as_deref()),
             compared: None,
             ..*input
         };
@@ -165,6 +166,23 @@ fn image_of<'a>(
 ) -> Option<(&'a str, &'a std::sync::Arc<glioscope_render::flat::PreparedContext>)> {
     let index = date.time_point.contexts.iter().position(|c| c.id == id)?;
     Some((date.time_point.contexts[index].id.as_str(), date.images.get(index)?))
+}
+
+/// The second image over a slice of a date: that date's own, with the window of the date shown, matched. Nothing over itself, and
+/// where the second image is another date's: that compares dates, which stand side by side here.
+fn second_of<'a>(input: &Input<'a>, date: &DateInput<'a>, first: Option<&str>) -> Option<Second<'a>> {
+    let shown = input.second?;
+    let has_own_date = input.doc.edit.fusion.second.as_ref().is_some_and(|second| second.time.is_some());
+    if has_own_date || first == Some(shown.id) {
+        return None;
+    }
+    let (id, image) = image_of(date, shown.id)?;
+    let window = if std::sync::Arc::ptr_eq(image, shown.image) {
+        shown.window
+    } else {
+        shown.window.matched(shown.image.histogram(), image.histogram())
+    };
+    Some(Second { id, time: &date.time_point.label, image, window })
 }
 
 /// What a date is called above its column: the last two are the prior and the current one.

@@ -5,8 +5,8 @@ use egui::{ComboBox, Key, Modifiers, ProgressBar, Ui};
 use glam::{DAffine3, DMat3, DVec3};
 use glioscope_core::{
     case::{
-        Aligned, AlignedBy, Alignment, CaseRegistration, RegisterCase, TimePoint, register_dates,
-        register_images,
+        Aligned, AlignedBy, Alignment, CaseRegistration, RegisterCase, TimePoint, close_loops, has_loops,
+        register_dates, register_images,
     },
     register::Model,
     transform::Convention,
@@ -33,6 +33,8 @@ const STEPS: [f64; 4] = [0.2, 0.5, 1.0, 5.0];
 /// What the window holds.
 pub struct Align {
     model: Model,
+    /// Whether loops of registrations are closed, too.
+    loops: bool,
     /// The date that is moved by hand.
     by_hand: Option<String>,
     step: f64,
@@ -45,7 +47,15 @@ pub struct Align {
 
 impl Default for Align {
     fn default() -> Self {
-        Self { model: Model::Rigid, by_hand: None, step: 1.0, convention: None, job: None, found: Vec::new() }
+        Self {
+            model: Model::Rigid,
+            loops: false,
+            by_hand: None,
+            step: 1.0,
+            convention: None,
+            job: None,
+            found: Vec::new(),
+        }
     }
 }
 
@@ -238,10 +248,16 @@ fn row(
             Ok(registered) => {
                 let mm = registered.consistency.p95_with_floor_mm();
                 let mm = mm.map_or_else(|| "unknown".into(), format::length_mm);
-                let text = format!("{images}consistency at the tumour {mm} (95 %), {:.1} s", found.seconds);
+                let around = registered.around.as_ref().map_or_else(String::new, |around| {
+                    let (mm, through) = (format::length_mm(around.worst.p95_mm), around.through.join("; "));
+                    format!("; around a loop {mm} (through {through})")
+                });
+                let text =
+                    format!("{images}consistency at the tumour {mm} (95 %){around}, {:.1} s", found.seconds);
                 ui.label(text).on_hover_text(
                     "How far repeated registrations differ there: from other starts, with the images exchanged, with and \
-                     without the masks. It is no accuracy: what misleads all of them alike doesn't show.",
+                     without the masks; around a loop: how far points end from where they began, through other dates and \
+                     images and back. It is no accuracy: what misleads all of them alike doesn't show.",
                 );
                 for warning in &registered.warnings {
                     ui.colored_label(ui.visuals().warn_fg_color, warning);
@@ -339,15 +355,25 @@ fn register(ui: &mut Ui, align: &mut Align, work: &Workstation, (has_dates, has_
             chosen = Some(register_images);
         }
         if let Some(register) = chosen {
-            let (case, model) = (case.clone(), align.model);
+            let (case, model, loops) = (case.clone(), align.model, align.loops);
             let image = work.doc.as_ref().and_then(|doc| doc.nav.context.clone());
             align.found.clear();
             align.job = Some(Job::start(Waker::of(ui.ctx()), move |progress| {
-                Ok(register(&case, image.as_deref(), model, progress)?)
+                let mut found = register(&case, image.as_deref(), model, progress)?;
+                if loops {
+                    close_loops(&case, &mut found, model, progress)?;
+                }
+                Ok(found)
             }));
         }
         ui.radio_value(&mut align.model, Model::Rigid, "turn and shift");
         ui.radio_value(&mut align.model, Model::Affine, "also scale and shear");
+        if has_loops(case) {
+            let text = "Also how far points of the tumour end from where they began on their way around a loop: the first date, two \
+                        later ones and back; there by one image and back by another; three images of a date. One more \
+                        registration for each loop";
+            ui.checkbox(&mut align.loops, "loops").on_hover_text(text);
+        }
     });
 }
 

@@ -4,7 +4,7 @@ use std::{path::Path, sync::Arc};
 
 use glioscope_core::{
     Connectivity, Progress, RegionVolume,
-    case::Case,
+    case::{Case, Context},
     change::{self, ChangeReport},
     csv, ellipsoid,
     files::Inputs,
@@ -109,6 +109,8 @@ impl Shown {
                 "share_of_region": share(voxels, whole),
             })
         };
+        let ball = (lens.center_mm, lens.radius_mm);
+        let of_image = |image: &Context| measure::in_ball("lens", (&image.id, &image.volume), ball);
         json!({
             "time": time_point.label,
             "center_mm": lens.center_mm.to_array(),
@@ -118,6 +120,7 @@ impl Shown {
             "volume_ml": tumor.grid().volume_ml(all),
             "share_of_union": share(all, time_point.regions.union_voxels()),
             "regions": counts.iter().map(row).collect::<Vec<_>>(),
+            "values": time_point.contexts.iter().map(of_image).collect::<Vec<_>>(),
         })
     }
 

@@ -40,6 +40,7 @@ pub struct Numbers {
     lens: Derived<LensKey, RegionVoxels>,
     lens_jobs: u64,
     statistics: Derived<(Handle<TumorIndex>, Handle<PreparedContext>), Vec<Statistics>>,
+    lens_values: Derived<(Lens, Handle<PreparedContext>), Statistics>,
 }
 
 impl Numbers {
@@ -59,6 +60,19 @@ impl Numbers {
                 Ok(measure::statistics_of(mask, (&id, &volume)))
             };
             masks.iter().map(of).collect()
+        })
+    }
+
+    /// Values of an image in a lens.
+    pub fn lens_values(
+        &mut self,
+        lens: Lens,
+        (id, image): NamedImage<'_>,
+        ask: &Ask,
+    ) -> Lookup<'_, Statistics> {
+        let (id, volume) = (id.to_owned(), image.volume().clone());
+        self.lens_values.get((lens, Handle::of(image)), ask, move |_| {
+            Ok(measure::in_ball("lens", (&id, &volume), (lens.center_mm, lens.radius_mm)))
         })
     }
 
@@ -106,7 +120,10 @@ impl Numbers {
     /// Whether a worker is computing any.
     pub fn working(&mut self) -> bool {
         // Each takes what is finished.
-        self.agreement.working() | self.lens.working() | self.statistics.working()
+        self.agreement.working()
+            | self.lens.working()
+            | self.statistics.working()
+            | self.lens_values.working()
     }
 }
 

@@ -65,6 +65,10 @@ pub enum AlignedBy {
         /// How far repeated registrations differ at the tumour (95 %); `None` where it was not measured.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         consistency_mm: Option<f64>,
+        /// How far points of the tumour end from where they began on their way around a loop of registrations (95 %); `None`
+        /// where it was not measured.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        loop_mm: Option<f64>,
     },
 }
 
@@ -75,7 +79,7 @@ impl AlignedBy {
         let t = moving_from_fixed.translation;
         let row = |n: usize| [x[n], y[n], z[n], t[n]];
         let moving_from_fixed = [row(0), row(1), row(2)];
-        Self::Matrix { moving_from_fixed, how: how.into(), consistency_mm: None }
+        Self::Matrix { moving_from_fixed, how: how.into(), consistency_mm: None, loop_mm: None }
     }
 
     /// The numbers of a matrix; `None` of a file.
@@ -259,6 +263,9 @@ pub struct Aligned {
     pub by: Vec<String>,
     /// How far repeated registrations of it differ at the tumour (95 %); `None` where that was not measured.
     pub consistency_mm: Option<f64>,
+    /// How far points of the tumour end from where they began on their way around loops of registrations (95 %); `None` where
+    /// that was not measured.
+    pub loop_mm: Option<f64>,
     /// The day on which a reader saw that the anatomy meets, the latest of its transforms'; `None`: nobody said so of each.
     pub accepted: Option<String>,
     /// Whether its date was moved, so that it lies in the space of the case; else only into that of its date.
@@ -353,6 +360,7 @@ impl Transforms {
             is_mask,
             by: found.iter().map(|(a, _)| a.by.name()).collect(),
             consistency_mm: consistency(found.iter().map(|(a, _)| &a.by)),
+            loop_mm: around(found.iter().map(|(a, _)| &a.by)),
             accepted: found
                 .iter()
                 .map(|(a, _)| a.accepted.clone())
@@ -372,6 +380,15 @@ fn consistency<'a>(all: impl Iterator<Item = &'a AlignedBy>) -> Option<f64> {
         AlignedBy::File { .. } => None,
     };
     all.map(of).try_fold(0.0_f64, |sum, mm| Some(sum.hypot(mm?)))
+}
+
+/// That of the loops of transforms one after the other; of those where it was measured.
+fn around<'a>(all: impl Iterator<Item = &'a AlignedBy>) -> Option<f64> {
+    let of = |by: &AlignedBy| match by {
+        AlignedBy::Matrix { loop_mm, .. } => *loop_mm,
+        AlignedBy::File { .. } => None,
+    };
+    all.filter_map(of).reduce(f64::hypot)
 }
 
 /// An image or mask, moved or not.
@@ -423,10 +440,13 @@ pub(super) fn checks(items: &[Item<'_>]) -> Vec<Check> {
             );
             checks.push(Check::warning("aligned-scales", text));
         }
+        let around = aligned.loop_mm.map_or_else(String::new, |mm| {
+            format!("; a loop of registrations is off by {} mm", decimal::text(mm, 2))
+        });
         checks.push(Check::note(
             "aligned",
             format!(
-                "{name}: moved by {}: its centre by {} mm, turned by {}°",
+                "{name}: moved by {}: its centre by {} mm, turned by {}°{around}",
                 aligned.by.join(", then by "),
                 decimal::text(by_mm, 2),
                 decimal::text(turn_deg, 2)

@@ -88,6 +88,7 @@ struct TransformEntry {
     /// How the matrix was found.
     how: Option<Spanned<String>>,
     consistency_mm: Option<Spanned<f64>>,
+    loop_mm: Option<Spanned<f64>>,
 }
 
 #[derive(Deserialize)]
@@ -371,6 +372,7 @@ pub fn parse_manifest(text: &str, path: &Path) -> Result<CaseSpec, CaseError> {
                     moving_from_fixed: *matrix.get_ref(),
                     how,
                     consistency_mm: entry.consistency_mm.as_ref().map(|mm| *mm.get_ref()),
+                    loop_mm: entry.loop_mm.as_ref().map(|mm| *mm.get_ref()),
                 }
             }
             _ => return wrong("neither a file nor a matrix, or both", "one of them"),
@@ -431,6 +433,8 @@ struct WrittenTransform<'a> {
     how: Option<&'a str>,
     #[serde(skip_serializing_if = "Option::is_none")]
     consistency_mm: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    loop_mm: Option<f64>,
 }
 
 #[derive(Serialize)]
@@ -537,9 +541,9 @@ pub fn write_manifest(spec: &CaseSpec, folder: &Path) -> Result<String, CaseErro
                     (written.fixed, written.moving) = (Some(path_text(fixed)?), Some(path_text(moving)?));
                 }
             }
-            AlignedBy::Matrix { moving_from_fixed, how, consistency_mm } => {
+            AlignedBy::Matrix { moving_from_fixed, how, consistency_mm, loop_mm } => {
                 (written.matrix, written.how) = (Some(*moving_from_fixed), Some(how.as_str()));
-                written.consistency_mm = *consistency_mm;
+                (written.consistency_mm, written.loop_mm) = (*consistency_mm, *loop_mm);
             }
         }
         Ok(written)

@@ -8,6 +8,7 @@ mod discover;
 mod findings;
 mod folder;
 mod load;
+mod loops;
 mod made;
 mod manifest;
 mod names;
@@ -41,13 +42,14 @@ pub use alignment::{Aligned, AlignedBy, Alignment};
 pub use arguments::argument_with_file;
 pub use discover::{Description, describe, describe_files, folder_of_dicomdir, has_manifest, open_spec};
 pub use load::load_with;
+pub use loops::{close_loops, has_loops};
 pub use made::MadeMask;
 pub use manifest::{VERSION as MANIFEST_VERSION, parse_manifest, read_manifest, write_manifest};
 pub use order::{OrderBasis, unordered_times};
 pub use proposal::{Problem, Proposal, ProposedFile, ProposedMask, Role};
 pub(crate) use registration::in_two_spaces;
 pub use registration::{
-    CaseRegistration, NOT_ALIGNED_MM, P95_OF_UNIT_ERRORS, RegisterCase, Registered, apart_mm, register_dates,
+    Around, CaseRegistration, NOT_ALIGNED_MM, P95_OF_UNIT_ERRORS, RegisterCase, Registered, apart_mm, register_dates,
     register_images,
 };
 pub use scheme::{Scheme, SchemeGroup, SchemeLabel};

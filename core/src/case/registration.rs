@@ -1,4 +1,4 @@
-//! Registration of a case's dates, each to the first, and of a date's images, each to one of them.
+//! Registration of a case's dates, each to the first, and of a date's images, each to one of them; loops of these.
 
 use std::time::Instant;
 
@@ -7,7 +7,7 @@ use glam::{DAffine3, DVec3};
 use super::{Aligned, AlignedBy, Alignment, Case, CaseMask, TimePoint};
 use crate::{
     Cancelled, Mask, Progress, decimal,
-    register::{self, Consistency, Image, Measure, Model, Options, RegisterError},
+    register::{self, Consistency, Image, Measure, Model, Options, Outcome, RegisterError, Spread},
     surface,
 };
 
@@ -47,8 +47,39 @@ pub struct Registered {
     pub alignments: Vec<Alignment>,
     /// How far repeated registrations disagree at the tumour: not accuracy.
     pub consistency: Consistency,
+    /// How far points of the tumour's surface end from where they began on their way around the loops that the registration
+    /// is part of; `None` where [`close_loops`](super::close_loops) closed none.
+    pub around: Option<Around>,
     /// What a user should know.
     pub warnings: Vec<String>,
+    /// Maps the space of the case, before it is applied, to where the moving image shows the same.
+    pub(super) moving_from_fixed: DAffine3,
+}
+
+/// Loops of registrations: that with the largest 95th percentile, and through what each leads.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Around {
+    /// Distances between the loop's end and its start.
+    pub worst: Spread,
+    /// Through which dates and images each loop leads.
+    pub through: Vec<String>,
+}
+
+impl Registered {
+    /// Tells what a loop, which this is part of, was off by.
+    pub(super) fn went_around(&mut self, spread: Spread, through: &str) {
+        let mut around = self.around.take().unwrap_or(Around { worst: spread, through: Vec::new() });
+        if around.worst.p95_mm < spread.p95_mm {
+            around.worst = spread;
+        }
+        around.through.push(through.to_owned());
+        for alignment in &mut self.alignments {
+            if let AlignedBy::Matrix { loop_mm, .. } = &mut alignment.by {
+                *loop_mm = Some(around.worst.p95_mm);
+            }
+        }
+        self.around = Some(around);
+    }
 }
 
 /// [`register_dates`] or [`register_images`].
@@ -206,7 +237,7 @@ pub fn apart_mm(
         Some([own, other])
     });
     let Some([fixed, moving]) = common.filter(|_| !is_registered && !case.one_space) else { return Ok(None) };
-    let masks = [earlier, later].map(|time| time.masks.iter().map(|m| &m.mask).collect::<Vec<&Mask>>());
+    let masks = [earlier, later].map(masks_of);
     let images = [
         Image { volume: &fixed.volume, excluded: &masks[0] },
         Image { volume: &moving.volume, excluded: &masks[1] },
@@ -229,7 +260,7 @@ pub fn apart_mm(
     Ok(distances.get(at).filter(|mm| **mm > NOT_ALIGNED_MM).map(|mm| (*mm, fixed.id.clone())))
 }
 
-type OfDate<'a> = (&'a TimePoint, usize);
+pub(super) type OfDate<'a> = (&'a TimePoint, usize);
 
 fn images_of<'a>(
     first: &'a TimePoint,
@@ -262,7 +293,8 @@ impl Fit {
     }
 
     fn registered(self, alignments: Vec<Alignment>) -> Registered {
-        Registered { alignments, consistency: self.consistency, warnings: self.warnings }
+        let Self { moving_from_fixed, consistency, warnings, .. } = self;
+        Registered { alignments, consistency, around: None, warnings, moving_from_fixed }
     }
 }
 
@@ -273,27 +305,58 @@ fn fit(
     model: Model,
     progress: &Progress,
 ) -> Result<Result<Fit, String>, Cancelled> {
+    let moving = &pair[1].0.contexts[pair[1].1];
+    let found = aligned(pair, model, progress, |Aligning { images, masks, options, outcome }| {
+        let points_mm = surface_points_mm(masks);
+        register::consistency(&images[0], &images[1], options, outcome, &points_mm, progress)
+    })?;
+    Ok(found.map(|(outcome, consistency)| {
+        let how = format!("registration of {} to {to} ({})", moving.id, words(model, &consistency));
+        let warnings = outcome.warnings.iter().map(ToString::to_string).collect();
+        Fit { moving_from_fixed: outcome.moving_from_fixed, how, consistency, warnings }
+    }))
+}
+
+/// The masks of two dates.
+type MasksOfDates<'a> = [Vec<&'a Mask>; 2];
+
+/// The masks of a date.
+pub(super) fn masks_of(time: &TimePoint) -> Vec<&Mask> {
+    time.masks.iter().map(|m| &m.mask).collect()
+}
+
+/// A registration that was found, and of what.
+pub(super) struct Aligning<'a> {
+    images: &'a [Image<'a>; 2],
+    masks: &'a MasksOfDates<'a>,
+    options: &'a Options,
+    outcome: &'a Outcome,
+}
+
+/// Registers two images without what their dates' masks cover, and asks `more` about what was found; or why nothing was.
+pub(super) fn aligned<M>(
+    pair: [OfDate<'_>; 2],
+    model: Model,
+    progress: &Progress,
+    more: impl FnOnce(Aligning<'_>) -> Result<M, RegisterError>,
+) -> Result<Result<(Outcome, M), String>, Cancelled> {
     let [fixed, moving] = pair.map(|(time, n)| &time.contexts[n]);
-    let masks = pair.map(|(time, _)| time.masks.iter().map(|m| &m.mask).collect::<Vec<&Mask>>());
+    let masks: MasksOfDates<'_> = pair.map(|(time, _)| masks_of(time));
     let images = [
         Image { volume: &fixed.volume, excluded: &masks[0] },
         Image { volume: &moving.volume, excluded: &masks[1] },
     ];
     let measure = if fixed.id == moving.id { Measure::Auto } else { Measure::AcrossModalities };
     let options = Options { model, measure, ..Options::default() };
-    let run = || -> Result<Fit, RegisterError> {
+    let run = || -> Result<(Outcome, M), RegisterError> {
         let outcome = register::register(&images[0], &images[1], &options, progress)?;
-        let points_mm = surface_points_mm(&masks);
-        let consistency =
-            register::consistency(&images[0], &images[1], &options, &outcome, &points_mm, progress)?;
-        let how = format!("registration of {} to {to} ({})", moving.id, words(model, &consistency));
-        let warnings = outcome.warnings.iter().map(ToString::to_string).collect();
-        Ok(Fit { moving_from_fixed: outcome.moving_from_fixed, how, consistency, warnings })
+        let more = more(Aligning { images: &images, masks: &masks, options: &options, outcome: &outcome })?;
+        Ok((outcome, more))
     };
     match run() {
         Err(RegisterError::Cancelled(cancelled)) => Err(cancelled),
         Err(error) => Ok(Err(error.to_string())),
-        Ok(fit) => Ok(Ok(fit)),
+        Ok(found) => Ok(Ok(found)),
     }
 }
 
@@ -311,7 +374,7 @@ fn words(model: Model, consistency: &Consistency) -> String {
 }
 
 /// Points of the surfaces of the first date's masks, else of the later date's; of both empty, none.
-fn surface_points_mm(masks: &[Vec<&Mask>; 2]) -> Vec<DVec3> {
+pub(super) fn surface_points_mm(masks: &MasksOfDates<'_>) -> Vec<DVec3> {
     let of_dates = masks.iter().map(|of_date| surface::points_mm(of_date, MOST_POINTS));
     of_dates.into_iter().find(|points| !points.is_empty()).unwrap_or_default()
 }

@@ -2,8 +2,7 @@
 
 use serde::Serialize;
 
-/// Approximate maximum number of histogram bins.
-const BINS: f64 = 40.0;
+use crate::histogram::{Bins, extent};
 
 /// Summary of lengths. All fields but the count are `None` without any length.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -54,22 +53,8 @@ pub struct Histogram {
 impl Histogram {
     /// `None` without values. Bin widths are 1, 2 or 5 times a power of ten; zero is a bin edge.
     pub fn of(signed_mm: impl Iterator<Item = f64> + Clone) -> Option<Self> {
-        let (lo, hi) =
-            signed_mm.clone().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)));
-        let range = hi.max(0.0) - lo.min(0.0);
-        if !(range.is_finite() && range > 0.0) {
-            return None;
-        }
-        let raw = range / BINS;
-        let decade = 10_f64.powf(raw.log10().floor());
-        let bin_mm =
-            [1.0, 2.0, 5.0].map(|f| f * decade).into_iter().find(|w| *w >= raw).unwrap_or(10.0 * decade);
-        let first = (lo / bin_mm).floor();
-        let mut counts = vec![0; ((hi / bin_mm).floor() - first) as usize + 1];
-        let last = counts.len() - 1;
-        for v in signed_mm {
-            counts[(((v / bin_mm).floor() - first).max(0.0) as usize).min(last)] += 1;
-        }
-        Some(Self { bin_mm, first_mm: first * bin_mm, counts })
+        let (lo, hi) = extent(signed_mm.clone());
+        let bins = Bins::of(signed_mm, hi.max(0.0) - lo.min(0.0))?;
+        Some(Self { bin_mm: bins.width, first_mm: bins.first, counts: bins.counts })
     }
 }

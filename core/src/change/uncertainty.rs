@@ -67,6 +67,13 @@ impl Sampling {
         self.native_mm
     }
 
+    /// The shortest and the longest edge of a voxel of the mask's own grid, mm.
+    pub(super) fn native_edges_mm(&self) -> [f64; 2] {
+        let m = self.native_mm;
+        let edges = [m.x_axis, m.y_axis, m.z_axis].map(DVec3::length);
+        [edges.into_iter().fold(f64::INFINITY, f64::min), edges.into_iter().fold(0.0, f64::max)]
+    }
+
     /// Covariance of the position of the mask's surface: it lies anywhere within a voxel of its own grid.
     fn covariance_mm2(&self) -> DMat3 {
         self.native_mm * self.native_mm.transpose() * (1.0 / 12.0) + self.rounding_mm2

@@ -10,7 +10,7 @@ use serde::{Serialize, Serializer, ser::SerializeMap};
 
 pub use compared::{DateComparison, Operand, PairComparison, Raters, compared, compared_at, compared_two};
 pub use metrics::{PAIR_METRICS, PairInput, PairMetric};
-pub use statistics::{Statistics, in_circle, of as statistics_of, statistics};
+pub use statistics::{Statistics, ValueHistogram, in_ball, in_circle, of as statistics_of, statistics};
 
 use crate::{
     Check, TumorIndex,

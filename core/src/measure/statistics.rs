@@ -4,7 +4,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::{Cancelled, Grid, Mask, Progress, Volume, case::Case, resample};
+use crate::{Cancelled, Grid, Mask, Progress, Volume, case::Case, histogram::Bins, resample};
 
 /// Radius of a ball of 1 ml: within it the mean of a peak is taken (PERCIST, Wahl 2009).
 const PEAK_RADIUS_MM: f64 = 6.203_504_908_994;
@@ -39,6 +39,27 @@ pub struct Statistics {
     pub peak: Option<f64>,
     /// Mean times the volume of these voxels: total lesion glycolysis, where the values are SUV.
     pub mean_times_ml: Option<f64>,
+    /// How often which values occur; `None` where all are the same.
+    pub histogram: Option<ValueHistogram>,
+}
+
+/// Counts of values in bins of equal width: 1, 2 or 5 times a power of ten, of which zero is an edge.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ValueHistogram {
+    /// Lower edge of the first bin; a bin includes its lower edge.
+    pub first: f64,
+    /// Width of a bin.
+    pub bin: f64,
+    /// Number of values per bin, from the first to the last non-empty one.
+    pub counts: Vec<u64>,
+}
+
+impl ValueHistogram {
+    /// Of values in ascending order.
+    fn of(sorted: &[f64]) -> Option<Self> {
+        let bins = Bins::of(sorted.iter().copied(), sorted.last()? - sorted.first()?)?;
+        Some(Self { first: bins.first, bin: bins.width, counts: bins.counts })
+    }
 }
 
 /// The statistics of every mask in every image of its date, date by date.
@@ -74,6 +95,16 @@ pub fn in_circle(
     at(&voxels_in_circle(volume.grid(), center_mm, normal, radius_mm), name, (image, volume))
 }
 
+/// The statistics of an image in a ball, named `name`: of the voxels whose centres lie within the radius about the centre. Without a
+/// peak.
+pub fn in_ball(
+    name: &str,
+    (image, volume): (&str, &Volume),
+    (center_mm, radius_mm): (DVec3, f64),
+) -> Statistics {
+    at(&voxels_in_ball(volume.grid(), center_mm, radius_mm), name, (image, volume))
+}
+
 fn at(inside: &[usize], name: &str, (image, volume): (&str, &Volume)) -> Statistics {
     let (mut values, mut not_finite) = (Vec::with_capacity(inside.len()), 0);
     for &linear in inside {
@@ -104,6 +135,7 @@ fn at(inside: &[usize], name: &str, (image, volume): (&str, &Volume)) -> Statist
         max: values.last().copied(),
         peak: None,
         mean_times_ml: mean.map(|mean| mean * ml),
+        histogram: ValueHistogram::of(&values),
     }
 }
 
@@ -141,6 +173,22 @@ fn voxels_in_circle(grid: &Grid, center_mm: DVec3, normal: DVec3, radius_mm: f64
         found.extend(grid.voxel_at(center_mm).map(|voxel| grid.linear(voxel)));
     }
     found
+}
+
+/// Voxels whose centres lie in a ball.
+fn voxels_in_ball(grid: &Grid, center_mm: DVec3, radius_mm: f64) -> Vec<usize> {
+    let inverse = grid.world_from_voxel().matrix3.inverse();
+    let center = grid.voxel_from_world().transform_point3(center_mm);
+    let range = |axis: usize| {
+        let reach = inverse.row(axis).length() * radius_mm;
+        let last = grid.dims()[axis] as f64 - 1.0;
+        let [low, high] = [center[axis] - reach, center[axis] + reach].map(|at| at.clamp(-1.0, last + 1.0));
+        low.ceil().max(0.0) as usize..(high.floor().min(last) + 1.0).max(0.0) as usize
+    };
+    let rows = range(2).flat_map(|z| range(1).map(move |y| [y, z]));
+    let voxels = rows.flat_map(|[y, z]| range(0).map(move |x| [x, y, z]));
+    let is_in = |voxel: &[usize; 3]| grid.center_of_voxel_mm(*voxel).distance(center_mm) <= radius_mm;
+    voxels.filter(is_in).map(|voxel| grid.linear(voxel)).collect()
 }
 
 /// Voxels of an image whose centres lie in active voxels of a mask.
@@ -251,7 +299,18 @@ mod tests {
                 }
             }
         }
+        for grid in [&plain, &oblique] {
+            let center_mm = grid.center_of_voxel_mm([2, 20, 3]) + DVec3::splat(0.2);
+            for radius_mm in [0.01, 4.4, 11.0, 500.0] {
+                let expected: Vec<usize> = (0..grid.voxel_count())
+                    .filter(|l| grid.center_of_voxel_mm(grid.ijk(*l)).distance(center_mm) <= radius_mm)
+                    .collect();
+                assert_eq!(voxels_in_ball(grid, center_mm, radius_mm), expected, "{radius_mm}");
+            }
+        }
         let image = image(&plain, |p| p.x as f32);
+        let beyond = in_ball("lens", ("T1", &image), (DVec3::splat(-1e6), 5.0));
+        assert_eq!((beyond.voxels, beyond.histogram), (0, None));
         let outside = in_circle("c", ("T1", &image), (DVec3::splat(1e6), DVec3::Z, 5.0));
         assert_eq!((outside.voxels, outside.mean), (0, None));
     }
@@ -267,6 +326,10 @@ mod tests {
         assert!((found.sd.unwrap() - 10_f64.sqrt()).abs() < 1e-12);
         assert!((found.mean_times_ml.unwrap() - 5.0 * 5.0 * 6e-3).abs() < 1e-12);
         assert_eq!(found.peak, None, "no ball of 1 ml in 4 by 3 voxels");
+        // A fortieth of 8 is 0.2; the bins from 1 to 9.
+        let histogram = found.histogram.unwrap();
+        assert_eq!((histogram.first, histogram.bin, histogram.counts.len()), (1.0, 0.2, 41));
+        assert_eq!([0, 10, 20, 30, 40].map(|at: usize| histogram.counts[at]), [1; 5]);
         let odd = of(&row, ("T1", &image(&grid, |p| if p.x < 0.5 { f32::NAN } else { p.x as f32 })));
         assert_eq!((odd.voxels, odd.not_finite, odd.min), (4, 1, Some(3.0)));
         let nothing = of(&mask(&grid, |_| false), ("T1", &image(&grid, |_| 1.0)));

@@ -63,6 +63,13 @@ impl Consistency {
     }
 }
 
+/// How far points end from where they began on their way around a loop of registrations, A to B, B to C and back to A: each
+/// of `legs` maps the space of one image to that of the next one, RAS mm. `None` for no points.
+pub fn around(legs: &[DAffine3], points_mm: &[DVec3]) -> Option<Spread> {
+    let end = |start: DVec3| legs.iter().fold(start, |at, leg| leg.transform_point3(at));
+    Spread::of(points_mm.iter().map(|start| end(*start).distance(*start)).collect())
+}
+
 /// Repeats the fine levels of a registration and compares the transforms at `points_mm` (RAS mm of the fixed image: the
 /// tumour's surface). Takes about six times as long as the fine levels.
 ///

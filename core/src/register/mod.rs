@@ -45,6 +45,6 @@ mod tests;
 mod types;
 mod words;
 
-pub use consistency::{Consistency, Spread, consistency};
+pub use consistency::{Consistency, Spread, around, consistency};
 pub use run::register;
 pub use types::{Image, Measure, Model, Options, Outcome, RegisterError, Warning, Which};

@@ -1,7 +1,7 @@
 use crate::{Grid, Mask, MaskBits, Progress, Samples, Scaling, Volume, grid::ijk};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
-use super::{Image, Measure, Model, Options, Outcome, RegisterError, Warning, consistency, register};
+use super::{Image, Measure, Model, Options, Outcome, RegisterError, Warning, around, consistency, register};
 
 /// A head without symmetry: value at a point, mm; `contrast` 1 is another sequence, `grown` has a larger lesion.
 fn head(p: DVec3, contrast: usize, grown: bool) -> f64 {
@@ -278,6 +278,21 @@ fn what_can_not_be_aligned_is_refused_with_its_reason() {
     }
     let reflection = Options { start: Some(DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0))), ..options() };
     assert!(matches!(run(&good, &good, &reflection), Err(RegisterError::NotFinite(_))));
+}
+
+#[test]
+fn a_loop_that_turns_ends_a_chord_away() {
+    let there = rigid([0.0, 0.0, 1.0], 20.0, [5.0, -3.0, 40.0]);
+    let on = rigid([1.0, 0.0, 0.0], -11.0, [0.0, 12.0, 3.0]);
+    let back = (on * there).inverse();
+    // 3° too far about the z axis, and 4 mm along it.
+    let beyond = rigid([0.0, 0.0, 1.0], 3.0, [0.0, 0.0, 4.0]);
+    let at = |radius: f64| DVec3::new(0.6 * radius, 0.8 * radius, -17.0);
+    let off_mm = |radius: f64| (2.0 * radius * 1.5_f64.to_radians().sin()).hypot(4.0);
+    let spread = around(&[there, on, beyond * back], &[at(0.0), at(30.0), at(60.0)]).unwrap();
+    assert!((spread.median_mm - off_mm(30.0)).abs() < 1e-9, "{spread:?}");
+    assert!((spread.max_mm - off_mm(60.0)).abs() < 1e-9, "{spread:?}");
+    assert_eq!(around(&[there], &[]), None);
 }
 
 #[test]

@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
-use super::{EXPECTED, HEAD_BYTES, Refusal, content, itk_mat, lta, matrix, name_of, quoted, register_dat};
+use super::{
+    EXPECTED, HEAD_BYTES, Refusal, content, itk_hdf, itk_mat, lta, matrix, name_of, quoted, register_dat,
+};
 use crate::files::FileError;
 
 /// The first line of ITK's text, whatever its version.
@@ -15,6 +17,8 @@ pub enum Format {
     ItkText,
     /// MATLAB 4 of ITK, as `0GenericAffine.mat` of ANTs.
     ItkMat,
+    /// HDF5 of ITK, as of 3D Slicer and composites of ANTs: `.h5`, `.hdf5`.
+    ItkHdf,
     /// Matrix of FLIRT: a bare 4x4 matrix to look at.
     Flirt,
     /// Linear transform array of FreeSurfer.
@@ -44,6 +48,7 @@ impl Format {
         match self {
             Self::ItkText => "ITK text",
             Self::ItkMat => "ITK .mat",
+            Self::ItkHdf => "ITK HDF5",
             Self::Flirt => "FLIRT .mat",
             Self::Lta => ".lta of FreeSurfer",
             Self::RegisterDat => "register.dat of FreeSurfer",
@@ -57,6 +62,9 @@ pub(super) fn format_of(bytes: &[u8]) -> Result<Format, Refusal> {
     let head = &bytes[..bytes.len().min(HEAD_BYTES as usize)];
     if let Some(refusal) = not_linear(head) {
         return Err(refusal);
+    }
+    if bytes.starts_with(itk_hdf::MAGIC) {
+        return Ok(Format::ItkHdf);
     }
     if itk_mat::is_one(bytes) {
         return Ok(Format::ItkMat);
@@ -81,9 +89,6 @@ pub(super) fn format_of(bytes: &[u8]) -> Result<Format, Refusal> {
 /// Why a file that begins with `head` is no linear transform that is read, where that shows.
 pub(super) fn not_linear(head: &[u8]) -> Option<Refusal> {
     let refusal = |found: &str, expected: &str| Some(Refusal::new(found, expected));
-    if head.starts_with(b"\x89HDF\r\n\x1a\n") {
-        return refusal("a transform in HDF5", "the transform saved as text (.tfm)");
-    }
     if head.starts_with(b"MATLAB 5.0 MAT-file") {
         return refusal("a MATLAB 5 file", "a MATLAB 4 file, as ITK and ANTs write it");
     }

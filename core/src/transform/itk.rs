@@ -11,24 +11,28 @@ use super::{
 };
 
 /// The most transforms of a composite.
-const MOST: usize = 100;
-/// The most numbers of a line that is read: transforms that are linear have at most 15.
-const MOST_NUMBERS: usize = 64;
+pub(super) const MOST: usize = 100;
+/// The most numbers of a transform that are read: those that are linear have at most 15.
+pub(super) const MOST_NUMBERS: usize = 64;
 
-/// One transform as the text has it.
+/// One transform as a file has it.
 #[derive(Default)]
-struct Stored<'a> {
-    class: &'a str,
-    parameters: Option<Vec<f64>>,
-    fixed: Vec<f64>,
+pub(super) struct Stored {
+    pub(super) class: String,
+    pub(super) parameters: Option<Vec<f64>>,
+    pub(super) fixed: Vec<f64>,
 }
 
 /// The matrix, from RAS mm of the fixed image to RAS mm of the moving one.
 pub(super) fn read(text: &str) -> Result<DAffine3, Refusal> {
-    let all = stored(text)?;
-    let parts = match all.as_slice() {
+    composed(&stored(text)?)
+}
+
+/// The matrix of a file's transforms: of the only one, or of a composite and its parts.
+pub(super) fn composed(all: &[Stored]) -> Result<DAffine3, Refusal> {
+    let parts = match all {
         [] => return Err(Refusal::new("no transform", LINEAR)),
-        [composite, parts @ ..] if base(composite.class)? == "CompositeTransform" => parts,
+        [composite, parts @ ..] if base(&composite.class)? == "CompositeTransform" => parts,
         [one] => std::slice::from_ref(one),
         several => {
             let found = format!("{} transforms that are not composed, as of motion", several.len());
@@ -41,7 +45,7 @@ pub(super) fn read(text: &str) -> Result<DAffine3, Refusal> {
     let mut all = DAffine3::IDENTITY;
     // The last one of a composite comes first.
     for part in parts {
-        all *= of_class(part.class, part.parameters.as_deref().unwrap_or_default(), &part.fixed)?;
+        all *= of_class(&part.class, part.parameters.as_deref().unwrap_or_default(), &part.fixed)?;
     }
     ras(all)
 }
@@ -59,8 +63,8 @@ pub(super) fn text(moving_from_fixed: DAffine3) -> String {
     )
 }
 
-fn stored(text: &str) -> Result<Vec<Stored<'_>>, Refusal> {
-    let mut all: Vec<Stored<'_>> = Vec::new();
+fn stored(text: &str) -> Result<Vec<Stored>, Refusal> {
+    let mut all: Vec<Stored> = Vec::new();
     for line in text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#')) {
         let (key, value) = line.split_once(':').map_or((line, ""), |(key, value)| (key.trim(), value.trim()));
         let count = all.len();
@@ -70,7 +74,7 @@ fn stored(text: &str) -> Result<Vec<Stored<'_>>, Refusal> {
             }
             ("Transform", _) => {
                 base(value)?;
-                all.push(Stored { class: value, ..Stored::default() });
+                all.push(Stored { class: value.to_owned(), ..Stored::default() });
             }
             ("Parameters", Some(last)) if last.parameters.is_none() => {
                 last.parameters = Some(numbers(value)?);

@@ -2,7 +2,7 @@
 //!
 //! | format | frame and direction in the file | what it needs |
 //! |---|---|---|
-//! | ITK text, ITK `.mat` | LPS mm, fixed to moving | nothing |
+//! | ITK text, ITK `.mat`, ITK HDF5 | LPS mm, fixed to moving | nothing |
 //! | `.lta` | voxels or RAS mm, moving (source) to fixed (destination) | nothing |
 //! | `register.dat` | tkregister's RAS mm, fixed (target) to moving | both images |
 //! | FLIRT `.mat` | scaled voxels, x against RAS, moving (input) to fixed (reference) | both images |
@@ -19,6 +19,7 @@ mod format;
 mod geometry;
 mod itk;
 mod itk_class;
+mod itk_hdf;
 mod itk_mat;
 mod lta;
 mod matrix;
@@ -175,6 +176,7 @@ fn parse(bytes: &[u8], given: &Given) -> Result<Transform, Refusal> {
     };
     let moving_from_fixed = match kind {
         Format::ItkMat => itk_mat::read(bytes)?,
+        Format::ItkHdf => itk_hdf::read(bytes)?,
         Format::ItkText => itk::read(format::text(bytes)?)?,
         Format::Lta => lta::read(format::text(bytes)?)?,
         Format::Flirt => {

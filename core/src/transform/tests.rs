@@ -109,11 +109,7 @@ fn files_that_are_no_linear_transform_are_named() {
     spline_mat.extend_from_slice(b"BSplineTransform_double_3_3_1\0");
     let folder = tempfile::tempdir().unwrap();
     for (bytes, expected) in [
-        (
-            b"\x89HDF\r\n\x1a\n\0\0".as_slice(),
-            "found a transform in HDF5, expected the transform saved as text (.tfm)",
-        ),
-        (b"MATLAB 5.0 MAT-file, Platform", "found a MATLAB 5 file"),
+        (b"MATLAB 5.0 MAT-file, Platform".as_slice(), "found a MATLAB 5 file"),
         (b"\x1f\x8b\x08\0", "found a compressed file"),
         (&nifti, "found an image, as of a displacement field"),
         (warp.as_bytes(), "found a transform that is not linear (DisplacementField)"),
@@ -132,7 +128,7 @@ fn files_that_are_no_linear_transform_are_named() {
     }
     let wrong = mapped(itk::text(truth()), Given { format: Some(Format::Flirt), ..Given::default() });
     let with_images = [Format::Flirt, Format::RegisterDat];
-    let all = [Format::ItkText, Format::ItkMat, Format::Lta, Format::Matrix];
+    let all = [Format::ItkText, Format::ItkMat, Format::ItkHdf, Format::Lta, Format::Matrix];
     assert!(with_images.iter().all(|f| f.needs_images()) && !all.iter().any(|f| f.needs_images()));
     assert_eq!(wrong.unwrap_err(), "t: found ITK text, expected FLIRT .mat");
 }
@@ -194,7 +190,8 @@ fn all_fixtures() -> Vec<Vec<u8>> {
         matrix::tests::REG_ALADIN,
     ];
     let mats = [itk_mat::tests::ANTS, itk_mat::tests::SIMPLE_ITK].map(hex);
-    texts.into_iter().map(|text| text.as_bytes().to_vec()).chain(mats).collect()
+    let texts = texts.into_iter().map(|text| text.as_bytes().to_vec());
+    texts.chain(mats).chain([itk_hdf::tests::COMPOSITE.to_vec()]).collect()
 }
 
 #[test]

@@ -26,6 +26,7 @@ const ROWS: &[Row] = &[
     ("measure", "/$defs/region", "core/src/measure/mod.rs", &["RegionReport"], &[]),
     ("measure", "/$defs/agreement", "core/src/measure/mod.rs", &["Agreement"], &[]),
     ("measure", "/$defs/statistics", "core/src/measure/statistics.rs", &["Statistics"], &[]),
+    ("measure", "/$defs/statistics/properties/histogram", "core/src/measure/statistics.rs", &["ValueHistogram"], &[]),
     ("measure", "/$defs/raters", "core/src/measure/compared.rs", &["Raters"], &[]),
     ("measure", "/$defs/raters/properties/staple", "core/src/measure/conventions/raters.rs", &["Staple"], &[]),
     ("measure", "/$defs/compared_pair/properties/hausdorff", "core/src/measure/conventions/compare.rs", &["Hausdorff"], &[]),

@@ -41,6 +41,7 @@ mod ui_explain;
 mod ui_fibers;
 mod ui_files;
 mod ui_gestures;
+mod ui_layouts;
 mod ui_lens;
 mod ui_lesions;
 mod ui_light;

@@ -67,6 +67,9 @@ fn a_transform_of_itk_is_described_and_converted() {
     assert_eq!(report["turn_deg"], 0.0);
     write_whole(&at("field.h5"), b"\x89HDF\r\n\x1a\n and more").unwrap();
     assert!(refusal(&[at("field.h5").to_str().unwrap()]).contains(".tfm"));
+    assert!(refusal(&[tfm, "--out", at("new.h5").to_str().unwrap()]).contains("expected .tfm"));
+    let composite = concat!(env!("CARGO_MANIFEST_DIR"), "/../core/src/transform/fixtures/composite.h5");
+    assert_eq!(described(&[composite])["format"], "ITK HDF5");
 }
 
 /// A body that lies 2 mm farther right at the later date, because the patient did.
@@ -190,7 +193,13 @@ fn a_follow_up_that_lies_elsewhere_has_no_growth_until_it_is_registered() {
     let [found, expected] = [&after, &truth].map(|report| report["to_ml"].as_f64().unwrap());
     assert!((found / expected - 1.0).abs() < 0.02, "{found} {expected}");
     // A stated error takes precedence.
-    let stated = change(&[case, "--register", "--registration-mm", "0.7"]);
+    assert_eq!(after["aligned"][0]["loop_mm"], Value::Null, "nobody asked");
+    let stated = change(&[case, "--register", "--loops", "--registration-mm", "0.7"]);
+    // There by T1c, back by FLAIR: all images of a date of the sample lie in one space.
+    let loop_mm = stated["aligned"][0]["loop_mm"].as_f64().unwrap();
+    assert!(loop_mm > 0.0 && loop_mm < 0.75, "half a voxel across sequences: {loop_mm}");
+    let alone = run(PROGRAM, &["change", "--of", "T1", case, "--loops"]);
+    assert_eq!(alone.status.code(), Some(2));
     let of = &stated["uncertainty_mm"];
     assert_eq!((&of["registration_from"], &of["registration_mm"]), (&"stated".into(), &0.7.into()));
 }

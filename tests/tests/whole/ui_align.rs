@@ -88,6 +88,7 @@ fn a_file_moves_a_date_and_one_that_does_not_is_told_and_taken_back() {
 fn registering_dates_that_lie_on_each_other_moves_nothing_far() {
     let mut harness = sample();
     perform(&mut harness, AppCommand::ShowAlign);
+    harness.get_by_label("loops").click_accesskit();
     harness.get_by_label("Register").click_accesskit();
     harness.run_ok();
     let started = std::time::Instant::now();
@@ -100,6 +101,7 @@ fn registering_dates_that_lie_on_each_other_moves_nothing_far() {
     let moved = moved_mm(&harness).unwrap();
     assert!(moved.length() < 0.1, "{moved}");
     assert!(harness.query_by_label_contains("consistency at the tumour").is_some());
+    assert!(harness.query_by_label_contains("around a loop").is_some());
     // Both dates on the slices, divided by a line.
     harness.get_by_label("Look").click_accesskit();
     harness.run_ok();
@@ -161,6 +163,24 @@ fn slices_side_by_side_share_place_and_window_and_name_their_dates() {
     };
     let (prior, current) = (red(0.0, 0.5), red(0.5, 1.0));
     assert!(prior > 100 && current > prior, "{prior} {current}");
+    // A second image lies over the slices of each date: that date's own.
+    let second = Some(SecondImage { id: "PET".into(), time: None });
+    let fusion =
+        Fusion { second, mixing: Mixing::Over, map: ColorMap::Hot, opacity: 1.0, ..Fusion::default() };
+    perform(&mut harness, EditCommand::SetFusion(Box::new(fusion)));
+    let fused = pane_picture(&mut harness, PaneId::SideBySide);
+    let differs = |from: u32, to: u32| {
+        let pixels = (from..to).flat_map(|x| (0..fused.height()).map(move |y| (x, y)));
+        pixels.filter(|(x, y)| fused.get_pixel(*x, *y) != picture.get_pixel(*x, *y)).count()
+    };
+    let (half, width) = (fused.width() / 2, fused.width());
+    assert!(
+        differs(0, half) > 500 && differs(half, width) > 500,
+        "{} {}",
+        differs(0, half),
+        differs(half, width)
+    );
+    perform(&mut harness, EditCommand::SetFusion(Box::default()));
     // A click pins the crosshair there at whatever date.
     harness.event(egui::Event::PointerMoved(rect.center() + egui::vec2(rect.width() * 0.2, 0.0)));
     perform(&mut harness, LookCommand::SetTime(1));

@@ -333,8 +333,32 @@ fn diameters_angles_and_circles_are_drawn_and_their_ends_dragged() {
     // The circle's values, of the date it is on.
     perform(&mut harness, LookCommand::SetTime(0));
     perform(&mut harness, EditCommand::MaximizePane(PaneId::Measurements));
-    assert!(harness.query_by_label_contains("voxels of T1c: mean").is_some());
+    wait_for_workers(&mut harness);
+    assert_eq!(harness.query_all_by_label_contains("voxels of T1c: mean").count(), 2, "and the lens'");
     assert!(harness.query_all_by_label("90.0°").count() == 2, "at both dates");
+    let name = ruler(&harness, 1).name;
+    assert!(harness.query_by_label(&format!("Histogram of {name}")).is_some());
+    // Exported: a row of the table for each image of its date, and the same in JSON.
+    let (csv, json) = (folder.path().join("lines.csv"), folder.path().join("lines.json"));
+    perform(&mut harness, AppCommand::ExportRulersTo(csv.clone()));
+    perform(&mut harness, AppCommand::ExportRulersTo(json.clone()));
+    let lines: serde_json::Value = serde_json::from_slice(&std::fs::read(json).unwrap()).unwrap();
+    let values = lines["lines"][1]["values"].as_array().unwrap();
+    let images: Vec<&str> = values.iter().map(|of| of["image"].as_str().unwrap()).collect();
+    assert_eq!(images, ["T1c", "FLAIR", "PET"]);
+    assert_eq!(lines["lines"][2]["values"], serde_json::json!([]));
+    let text = std::fs::read_to_string(csv).unwrap();
+    let rows: Vec<&str> = text.lines().filter(|row| row.starts_with(&format!("{name},"))).collect();
+    assert_eq!(rows.len(), 3);
+    for (of, row) in values.iter().zip(rows) {
+        let counts = of["histogram"]["counts"].as_array().unwrap();
+        assert_eq!(counts.iter().map(|n| n.as_u64().unwrap()).sum::<u64>(), of["voxels"].as_u64().unwrap());
+        let counts: Vec<String> = counts.iter().map(ToString::to_string).collect();
+        assert!(
+            row.contains(&format!(",{},", of["mean"])) && row.ends_with(&format!(",{}", counts.join(" ")))
+        );
+    }
+    assert!(harness.query_by_label("Histogram of Lens").is_some());
 }
 
 #[test]
@@ -372,7 +396,7 @@ fn a_slice_ruler_is_listed_renamed_exported_deleted_and_restored() {
     assert_eq!(lines.len(), 2);
     assert!(lines[0].starts_with("name,time,view,length_mm,from_r_mm,from_a_mm,from_s_mm,to_r_mm"));
     let numbers = lines[1].strip_prefix("\"cuff, \"\"left\"\"\",2024-01-15,axial,").unwrap();
-    let numbers = numbers.strip_suffix(",line,,,,").unwrap();
+    let numbers = numbers.strip_suffix(",line,,,,,,,,,,,,,").unwrap();
     let numbers: Vec<f64> = numbers.split(',').map(|n| n.parse().unwrap()).collect();
     assert_eq!(numbers.len(), 7);
     assert_eq!(numbers[0], ruler.length_mm());

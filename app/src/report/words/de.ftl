@@ -88,6 +88,7 @@ volumes-plot = Volumen jeder Maske über die Zeitpunkte, in Milliliter.
 date = Zeitpunkt
 aligned-images = Durch Registrierung verschoben
 consistency = Konsistenz { $mm }
+consistency-loop = Abweichung um eine Schleife von Registrierungen { $mm }
 alignment-accepted = von einem Befunder angenommen, { $date }
 alignment-not-accepted = von keinem Befunder angenommen
 

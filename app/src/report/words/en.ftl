@@ -88,6 +88,7 @@ volumes-plot = Volume of each mask over the dates, in millilitres.
 date = Date
 aligned-images = Moved by registration
 consistency = consistency { $mm }
+consistency-loop = around a loop of registrations off by { $mm }
 alignment-accepted = accepted by a reader, { $date }
 alignment-not-accepted = no reader has accepted it
 

@@ -85,6 +85,7 @@ finding-no-overlap = Die Masken zweier Zeitpunkte haben keinen Ort gemeinsam; nu
 finding-not-aligned = Die Zeitpunkte scheinen nicht aufeinander ausgerichtet zu sein.
 finding-aligned = Ein Bild oder eine Maske wurde durch eine Registrierung verschoben.
 finding-aligned-in-part = Eine Registrierung verschiebt nur einen Teil der Bilder und Masken eines Zeitpunkts.
+finding-lengths-uncertain = Längen der Veränderung sind unsicher: Die Voxel einer Maske sind weit länger als breit.
 finding-aligned-scales = Eine Registrierung verändert das Volumen einer Maske.
 finding-transform-left-out = Eine Registrierung wurde weggelassen, da das, was sie verschiebt, fehlt.
 finding-mask-part-lost = Teile einer Maske sind zu klein für das gemeinsame Gitter; sie zählen nur im Volumen auf eigenem Gitter.

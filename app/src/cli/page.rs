@@ -4,16 +4,11 @@ use std::path::PathBuf;
 
 use clap::Args;
 use glioscope_core::files::{absolute, read_small_text};
-use glioscope_render::agreement_color;
 
 use super::{case::CaseArguments, terminal};
 use crate::{
-    command::Workstation,
-    error::AppError,
-    output,
-    page::{self, Options, Paragraph},
-    words::Language,
-    world::colors_of,
+    command::Workstation, error::AppError, model::TakeHome, output, page, words::Language,
+    world::take_home::page_of,
 };
 
 /// Maximum size of an edited text.
@@ -53,12 +48,9 @@ pub struct PageArguments {
 
 pub(super) fn run(arguments: &PageArguments) -> Result<(), AppError> {
     let PageArguments { case, out, language, names, dates, image, text, write_text, force } = arguments;
-    let ending = out.extension().map(|ending| ending.to_string_lossy().to_lowercase());
-    if !matches!(ending.as_deref(), Some("html" | "htm")) {
-        return Err(AppError::file(out, "a file of another kind", ".html"));
-    }
+    page::check_ending(out)?;
     let text = text.as_ref().map(|path| read_small_text(path, MAX_TEXT_BYTES, "a text")).transpose()?;
-    let text: Option<Vec<Paragraph>> = text.map(|text| page::parse(&text));
+    let setting = TakeHome { language: *language, has_names: *names, has_dates: *dates, text };
     let work = Workstation::with_opened(case.read(true)?.into());
     let (Some(case), Some(doc)) = (work.world.case(), &work.doc) else {
         return Err(AppError::arguments("no case", "a path, --mask and --context, or --sample"));
@@ -68,16 +60,8 @@ pub(super) fn run(arguments: &PageArguments) -> Result<(), AppError> {
     if write_text.as_ref().is_some_and(|path| absolute(path) == absolute(out)) {
         return Err(AppError::file(out, "the page and its words in one file", "two files"));
     }
-    let colors: Vec<_> = case.time_points.iter().map(|time| colors_of(doc, time)).collect();
-    let color = |date: usize, mask: usize| colors.get(date).map_or([128; 3], |colors| colors.mask(mask));
-    let name = |id: &str| if *names { doc.edit.masks.name(id) } else { String::new() };
-    let options = Options {
-        has_dates: *dates,
-        image: image.as_deref(),
-        text: text.as_deref(),
-        agreement_color: &agreement_color,
-    };
-    let content = terminal::with_progress(|progress| page::content(case, &color, &name, &options, progress))?;
+    let content =
+        terminal::with_progress(|progress| page_of(case, doc, &setting, image.as_deref(), progress))?;
     let words = page::words(*language);
     output::write(out, &case.inputs, page::page(&content, &words).as_bytes())?;
     if let Some(path) = write_text {

@@ -61,6 +61,9 @@ pub enum AppCommand {
     ShowReport,
     KeepPicture,
     WriteReport(report::Options),
+    ShowPage,
+    WritePage,
+    WritePageTo(PathBuf),
     WriteReportTo(report::Options, PathBuf),
     OpenWritten(PathBuf),
     BrowseFiles,
@@ -122,6 +125,7 @@ impl AppCommand {
                 .map(|what| listed(Self::ExportMasks(what)).menu(Menu::File, 2))
                 .into(),
             AppKind::ShowReport => vec![listed(Self::ShowReport).keys(CTRL, Key::R).menu(Menu::File, 2)],
+            AppKind::ShowPage => vec![listed(Self::ShowPage).menu(Menu::File, 2)],
             AppKind::KeepPicture => vec![listed(Self::KeepPicture).key(Key::K).menu(Menu::File, 2)],
             AppKind::ExportRulers => ExportFormat::VARIANTS
                 .iter()
@@ -183,6 +187,8 @@ impl AppCommand {
             | AppKind::ExportMasksTo
             | AppKind::ExportRulersTo
             | AppKind::WriteReport
+            | AppKind::WritePage
+            | AppKind::WritePageTo
             | AppKind::WriteReportTo
             | AppKind::OpenWritten
             | AppKind::ShiftDate
@@ -275,6 +281,10 @@ impl AppCommand {
                 .detail("One file with pictures, numbers and warnings, to hand over: HTML, PDF or Markdown"),
             Self::KeepPicture => Label::new("Keep the view for the report")
                 .detail("The view under the pointer, as it is now; its caption is in the report's dialog"),
+            Self::ShowPage => Label::new("Write a page to take home…")
+                .detail("One file that turns in a phone's browser, in plain words that you can change"),
+            Self::WritePage => Label::new("Choose the page's file"),
+            Self::WritePageTo(_) => Label::new("Write the page"),
             Self::WriteReport(_) => Label::new("Choose the report's file"),
             Self::WriteReportTo(..) => Label::new("Write the report"),
             Self::OpenWritten(_) => {
@@ -341,6 +351,9 @@ impl AppCommand {
             | Self::ExportMasks(_)
             | Self::ExportMasksTo(..)
             | Self::ShowReport
+            | Self::ShowPage
+            | Self::WritePage
+            | Self::WritePageTo(_)
             | Self::KeepPicture
             | Self::Explain
             | Self::WriteReport(_)

@@ -23,7 +23,7 @@ use crate::{
     model::{
         AgreementSetting, ChangeSetting, Document, EllipsoidLook, EllipsoidOpacity, FiberLook, Fusion,
         HiddenRegions, KeyPicture, LesionSetting, OverlapMode, PaneId, Reading, ResponseSetting, Ruler,
-        SecondImage, Shading,
+        SecondImage, Shading, TakeHome,
         document::{default_lens, tumor_radius_mm},
         fusion::is_pet,
         layout::{self, Task},
@@ -116,6 +116,7 @@ pub enum EditCommand {
     KeepPicture(PaneId, [f32; 2]),
     SetPictures(Vec<KeyPicture>),
     SetReading(Box<Reading>),
+    SetTakeHome(Box<TakeHome>),
     // Registration.
     SetAlignments(Vec<Alignment>),
 }
@@ -238,6 +239,7 @@ impl EditCommand {
             | EditKind::KeepPicture
             | EditKind::SetPictures
             | EditKind::SetReading
+            | EditKind::SetTakeHome
             | EditKind::SetAlignments
             | EditKind::SetLayout
             | EditKind::UseLayout => Vec::new(),
@@ -337,6 +339,7 @@ impl EditCommand {
             Self::ResetLayout => Label::new("Default layout"),
             Self::KeepPicture(pane, _) => Label::new(format!("Keep {} for the report", pane.title())),
             Self::SetReading(_) => Label::new("Conclusion of the report"),
+            Self::SetTakeHome(_) => Label::new("Page to take home"),
             Self::SetPictures(_) => Label::new("Pictures of the report"),
             Self::SetAlignments(_) => Label::new("Move dates and images"),
             Self::UseLayout(name, _) => Label::new(format!("Layout: {name}")),
@@ -362,6 +365,7 @@ impl EditCommand {
             Self::SetChange(_) => Some("change"),
             Self::SetPictures(_) => Some("pictures"),
             Self::SetReading(_) => Some("reading"),
+            Self::SetTakeHome(_) => Some("page"),
             Self::SetAgreement(_) => Some("agreement"),
             Self::SetLesions(_) => Some("lesions"),
             Self::SetAperture(_) => Some("aperture"),
@@ -400,6 +404,7 @@ impl EditCommand {
         match self {
             Self::Undo | Self::Redo | Self::KeepPicture(..) => {}
             Self::SetReading(reading) => edit.reading.clone_from(reading),
+            Self::SetTakeHome(page) => edit.take_home.clone_from(page),
             Self::SetPictures(pictures) => edit.pictures.clone_from(pictures),
             Self::ShowAllRegions => edit.selection = HiddenRegions::none(),
             Self::ToggleRegion(_)

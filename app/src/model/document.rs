@@ -40,6 +40,7 @@ use super::{
     rulers::Ruler,
     shape::Tool,
     slice_axes::SliceAxes,
+    take_home::TakeHome,
 };
 
 /// The most views kept for a report.
@@ -110,7 +111,7 @@ impl KeyPicture {
     pub(super) fn without_the_case(&mut self) {
         let edit = &mut *self.edit;
         (edit.pictures, edit.made, edit.alignments) = (Vec::new(), Vec::new(), Vec::new());
-        edit.reading = Reading::default();
+        (edit.reading, edit.take_home) = (Reading::default(), TakeHome::default());
         (edit.masks, edit.lesions, edit.response) =
             (MaskLooks::default(), LesionSetting::default(), ResponseSetting::default());
         (edit.layout, edit.maximized) = (layout::single(self.pane), None);
@@ -201,6 +202,9 @@ pub struct Edit {
     /// What the reader concludes.
     #[serde(default)]
     pub reading: Reading,
+    /// The page that the patient takes home.
+    #[serde(default, skip_serializing_if = "TakeHome::is_default")]
+    pub take_home: TakeHome,
     /// Views kept for the report, in its order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub pictures: Vec<KeyPicture>,
@@ -412,6 +416,7 @@ impl Document {
                 lesions: LesionSetting::default(),
                 response: ResponseSetting::default(),
                 reading: Reading::default(),
+                take_home: TakeHome::default(),
                 pictures: Vec::new(),
                 layout: layout::default_layout(time_point_count, time_point.regions.mask_ids().len()),
                 maximized: None,

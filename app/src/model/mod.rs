@@ -30,6 +30,7 @@ pub(crate) mod session_names;
 mod session_old;
 mod shape;
 pub mod slice_axes;
+pub mod take_home;
 pub mod transfer_file;
 
 pub use accepted::{Answer, Answers};
@@ -53,3 +54,4 @@ pub use rulers::{ExportFormat, Ruler};
 pub use session::{Origin, Session};
 pub use session_limits::kept_layout;
 pub use shape::{Shape, Tool};
+pub use take_home::TakeHome;

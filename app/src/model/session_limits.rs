@@ -21,6 +21,7 @@ use super::{
     response::{MOST_ANSWERED, MOST_ANSWERS, MOST_AUTHOR, ResponseSetting},
     rulers::MOST_RULERS,
     shape::Shape,
+    take_home::MOST_PAGE_TEXT,
 };
 
 /// The most entries of any other list.
@@ -181,6 +182,8 @@ fn check_edit(edit: &Edit) -> Checked {
     number("agreement percentile", edit.agreement.percentile, &PERCENTILE)?;
     number("agreement tolerance_mm", edit.agreement.tolerance_mm, &TOLERANCE_MM)?;
     count("characters of the conclusion", edit.reading.conclusion.chars().count(), MOST_CONCLUSION)?;
+    let page = edit.take_home.text.as_deref().unwrap_or_default();
+    count("characters of the page to take home", page.chars().count(), MOST_PAGE_TEXT)?;
     count("characters of the reader's name", edit.reading.reader.chars().count(), MOST_READER)?;
     if !edit.reading.day.is_empty() && iso_date(&edit.reading.day).is_none() {
         return fault("the day of the reading", format!("{:?}", edit.reading.day), "2024-01-31");

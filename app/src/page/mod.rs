@@ -21,6 +21,8 @@ mod spoken;
 mod surface;
 mod text;
 
+use std::path::Path;
+
 use glioscope_core::{Cancelled, export::MeshError};
 use glioscope_render::flat::Plane;
 
@@ -40,6 +42,9 @@ pub enum PageError {
     /// The context image that was asked for is not in the case.
     #[error("the page's image: found {0:?}, expected the name of an image of the case")]
     NoImage(String),
+    /// The file has another ending.
+    #[error("{0}: found a file of another kind, expected .html")]
+    Ending(String),
     /// A surface can't be made.
     #[error(transparent)]
     Mesh(#[from] MeshError),
@@ -147,6 +152,16 @@ impl Page {
     fn color(&self, n: usize) -> [u8; 3] {
         self.masks.get(n).map_or([128; 3], |mask| mask.color)
     }
+}
+
+/// Refuses a page's file of another kind than HTML.
+///
+/// # Errors
+/// [`PageError::Ending`].
+pub fn check_ending(path: &Path) -> Result<(), PageError> {
+    let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
+    let is_html = matches!(ending.as_deref(), Some("html" | "htm"));
+    if is_html { Ok(()) } else { Err(PageError::Ending(path.display().to_string())) }
 }
 
 /// A number with two decimals, for SVG.

@@ -11,7 +11,7 @@ use super::{
 };
 use crate::{
     error::AppError,
-    model::{Document, Session, masks::MaskLook},
+    model::{Document, Session, TakeHome, masks::MaskLook},
 };
 
 /// What a report may show.
@@ -61,6 +61,8 @@ pub fn anonymous(case: &Arc<Case>, doc: Document, options: Options) -> Result<An
         doc.edit.response.anonymous(|text| redactor.text(text));
     }
     if options.identity != Identity::Full {
+        // No part of a report.
+        doc.edit.take_home = TakeHome::default();
         let reading = &mut doc.edit.reading;
         if !options.names_reader {
             reading.reader.clear();

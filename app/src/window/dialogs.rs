@@ -17,9 +17,11 @@ use crate::{
     command::{AppCommand, Command},
     export::{Format, What},
     model::{CaseRef, ExportFormat, PaneId, session, transfer_file},
-    report,
+    page, report,
     world::jobs::Waker,
 };
+
+use super::take_home;
 
 /// Purpose of a dialog.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,6 +56,8 @@ pub enum Purpose {
     Verdicts,
     /// Write a report.
     Report(report::Options),
+    /// Write the page to take home.
+    Page,
 }
 
 impl Purpose {
@@ -78,6 +82,7 @@ impl Purpose {
             Self::CohortFigure => "cohort.svg".into(),
             Self::Verdicts => "verdicts.csv".into(),
             Self::Report(_) => "report.html".into(),
+            Self::Page => format!("page.{}", take_home::ENDING),
         })
     }
 
@@ -100,6 +105,7 @@ impl Purpose {
             Self::CohortFigure => "Export the cohort's diagrams",
             Self::Verdicts => "Export the verdicts",
             Self::Report(_) => "Write a report",
+            Self::Page => "Write the page to take home",
         }
     }
 
@@ -120,6 +126,7 @@ impl Purpose {
             Self::Masks(_) if Format::of(&path).is_none() => with(path, "seg.nrrd"),
             Self::CohortFigure if !ends_in(&path, "svg") && !ends_in(&path, "pdf") => with(path, "svg"),
             Self::Verdicts if !ends_in(&path, "csv") => with(path, "csv"),
+            Self::Page if page::check_ending(&path).is_err() => with(path, take_home::ENDING),
             Self::Report(_) if report::FileKind::of(&path).is_none() => with(path, "html"),
             Self::Measurements(format) | Self::Rulers(format) => format.with_extension(path),
             _ => path,
@@ -144,6 +151,7 @@ impl Purpose {
             Self::Verdicts => AppCommand::ExportVerdictsTo(path).into(),
             Self::CohortFigure => AppCommand::ExportCohortTo(path).into(),
             Self::Report(options) => AppCommand::WriteReportTo(*options, path).into(),
+            Self::Page => AppCommand::WritePageTo(path).into(),
         }
     }
 }
@@ -199,9 +207,9 @@ pub fn desktop_chooser() -> Chooser {
         }
         let answer = match (purpose, purpose.file_name()) {
             (Purpose::OpenFolder | Purpose::OpenCohort, _) => dialog.pick_folder(),
-            (Purpose::Transform(_), _) => {
-                dialog.add_filter("Transforms", &["tfm", "txt", "mat", "h5", "hdf5", "lta", "dat"]).pick_file()
-            }
+            (Purpose::Transform(_), _) => dialog
+                .add_filter("Transforms", &["tfm", "txt", "mat", "h5", "hdf5", "lta", "dat"])
+                .pick_file(),
             (Purpose::OpenTransfer, _) => dialog.add_filter("Transfer functions", &["json"]).pick_file(),
             (_, None) => dialog
                 .add_filter(format!("Cases, {} files, sessions", volume_names()), &case_filter())

@@ -38,11 +38,15 @@ pub struct Explain {
 }
 
 impl Explain {
-    /// The mode, on a screen with so many points per millimetre; `None`: not known.
-    pub fn new(points_per_mm: Option<f32>) -> Self {
+    /// The mode in a language, on a screen with so many points per millimetre; `None`: not known.
+    pub fn new(points_per_mm: Option<f32>, language: Language) -> Self {
         let points_per_mm = points_per_mm.filter(|p| (1.0..=20.0).contains(p)).unwrap_or(POINTS_PER_MM);
-        let language = Language::En;
         Self { language, words: words(language), playing_since: None, points_per_mm, fits: false }
+    }
+
+    /// The language, as the user chose it.
+    pub fn language(&self) -> Language {
+        self.language
     }
 
     /// Points per millimetre, as the user fitted them.

@@ -32,6 +32,7 @@ pub mod recent;
 pub mod report;
 pub mod run;
 pub mod study;
+mod take_home;
 mod thumbnails;
 mod typed_path;
 mod warnings;
@@ -91,6 +92,8 @@ struct OpenParts {
     make_mask: Option<MakeMask>,
     /// The dialog that writes a report.
     report: Option<report::ReportDialog>,
+    /// The dialog that writes the page to take home.
+    page: bool,
     /// The window that aligns dates.
     align: Option<Align>,
     /// The list of warnings.
@@ -300,6 +303,8 @@ impl GlioscopeApp {
         let evaluated = self.results.response.last().map(|evaluated| &**evaluated);
         let lesions = self.results.lesions.last().map(|lesions| &**lesions);
         report::show(ui, &mut self.open.report, &self.work, (evaluated, lesions), &mut out);
+        let words = (&mut self.results.page, &self.ask);
+        take_home::show(ui, &mut self.open.page, &self.work, words, &mut out);
         align::show(ui, &mut self.open.align, &self.work, &mut out);
         pacs::show(ui, &mut self.open.pacs, &mut self.in_use, &mut self.work, &mut out);
         let gpu = self.graphics.as_ref().map(|graphics| &graphics.gpu);
@@ -393,6 +398,7 @@ impl GlioscopeApp {
         | AppCommand::ExportCohortTo(path)
         | AppCommand::ExportVerdictsTo(path)
         | AppCommand::WriteReportTo(_, path)
+        | AppCommand::WritePageTo(path)
         | AppCommand::ScreenshotTo(_, path)) = command
         else {
             return;
@@ -468,7 +474,7 @@ impl GlioscopeApp {
     fn explaining(&mut self, ui: &mut Ui, out: &mut Commands) {
         let Some(mut explain) = self.explain.take() else { return };
         let mut ends = false;
-        self.explain = Some(Explain::new(None));
+        self.explain = Some(Explain::new(None, explain.language()));
         self.with_panes(ui, None, out, |ui, area| ends = explain::show(ui, &mut explain, area));
         self.explain = Some(explain);
         if ends {
@@ -480,6 +486,7 @@ impl GlioscopeApp {
     fn end_explaining(&mut self) {
         if let Some(explain) = self.explain.take() {
             self.preferences.change().points_per_mm = Some(explain.points_per_mm());
+            self.preferences.change().explain_language = explain.language();
             self.preferences.save();
         }
     }
@@ -642,7 +649,11 @@ impl GlioscopeApp {
         let last = self.preferences.get().folder.clone().filter(|folder| folder.is_dir());
         let is_read_again = !matches!(
             purpose,
-            Purpose::Report(_) | Purpose::Measurements(_) | Purpose::Rulers(_) | Purpose::Picture(_)
+            Purpose::Report(_)
+                | Purpose::Page
+                | Purpose::Measurements(_)
+                | Purpose::Rulers(_)
+                | Purpose::Picture(_)
         );
         let case = self.work.doc.as_ref().and_then(|doc| match &doc.case {
             // Masks beside a folder's own would be read with it the next time, and a session is of all of it.

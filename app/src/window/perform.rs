@@ -11,7 +11,7 @@ use super::{
     numbers::Shown,
     pacs::PacsDialog,
     preferences::{MOST_LAYOUT_NAME, MOST_LAYOUTS},
-    report,
+    report, take_home,
     typed_path::TypedPath,
 };
 use crate::{
@@ -169,6 +169,9 @@ impl GlioscopeApp {
                 self.preferences.save();
                 self.write_report(ctx, *options, path);
             }
+            AppCommand::ShowPage => self.open.page = true,
+            AppCommand::WritePage => self.open_file_dialog(ctx, Purpose::Page),
+            AppCommand::WritePageTo(path) => self.write_page(ctx, path),
             AppCommand::OpenWritten(path) => {
                 let file = path.clone();
                 // The desktop's opener says whether it found a program.
@@ -201,7 +204,10 @@ impl GlioscopeApp {
                     self.work.apply(&EditCommand::SetAlignments(alignments).into(), Instant::now());
                 }
             }
-            AppCommand::Explain => self.explain = Some(Explain::new(self.preferences.get().points_per_mm)),
+            AppCommand::Explain => {
+                let kept = self.preferences.get();
+                self.explain = Some(Explain::new(kept.points_per_mm, kept.explain_language));
+            }
             AppCommand::ShowAbout => self.open.about = true,
             AppCommand::SaveLayout(name) => {
                 let kept = self
@@ -374,6 +380,15 @@ impl GlioscopeApp {
         self.work.notice = Some("Writing the report…".into());
         self.export = Some(Job::start(Waker::of(ctx), move |progress| {
             report::write(doc, &world, options, (&gpu, &inputs), &path, progress)
+        }));
+    }
+
+    fn write_page(&mut self, ctx: &Context, path: &Path) {
+        let Some(doc) = self.work.doc.clone() else { return };
+        let (world, inputs, path) = (self.work.world.clone(), self.work.inputs(), path.to_owned());
+        self.work.notice = Some("Writing the page…".into());
+        self.export = Some(Job::start(Waker::of(ctx), move |progress| {
+            take_home::write(&doc, &world, &inputs, &path, progress)
         }));
     }
 

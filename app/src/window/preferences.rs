@@ -48,6 +48,8 @@ pub struct Remembered {
     pub reader: String,
     /// The language of the report written last.
     pub report_language: Language,
+    /// The language in which something was explained last.
+    pub explain_language: Language,
     /// Points per millimetre of the screen, as the user fitted them to a bank card.
     pub points_per_mm: Option<f32>,
 }
@@ -147,6 +149,7 @@ mod tests {
             layouts: BTreeMap::new(),
             reader: "Dr. Reader".into(),
             report_language: Language::De,
+            explain_language: Language::De,
             points_per_mm: Some(4.5),
         };
         *first.change() = expected.clone();

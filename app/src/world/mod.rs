@@ -16,6 +16,7 @@ pub mod self_check;
 mod session_case;
 pub mod slice_plane;
 pub mod spoken;
+pub mod take_home;
 pub mod tracts;
 
 use std::sync::Arc;
@@ -259,6 +260,8 @@ pub struct Results {
     pub response: response::Responses,
     /// What is said to a patient.
     pub spoken: spoken::Sayings,
+    /// Words of the page that the patient takes home.
+    pub page: take_home::Proposals,
     /// Places worth a look.
     pub places: places::Places,
     /// The axial slice as a plane in 3D.
@@ -290,6 +293,7 @@ impl Results {
             | self.numbers.working()
             | self.agreement.working()
             | self.spoken.working()
+            | self.page.working()
             | self.lesions.working()
             | self.response.working()
             | self.cohort.working()

@@ -108,6 +108,47 @@ fn explaining_says_the_size_without_names_and_plays_the_dates() {
     harness.key_press(Key::Escape);
     harness.run_ok();
     assert!(harness.query_by_label("File").is_some());
+    perform(&mut harness, AppCommand::Explain);
+    assert!(harness.query_by_label("In wahrer Größe").is_some(), "in the language of the last time");
+}
+
+#[test]
+fn a_page_to_take_home_has_the_doctors_words_and_is_kept_in_the_session() {
+    let mut harness = opened();
+    perform(&mut harness, AppCommand::ShowPage);
+    wait_for_workers(&mut harness);
+    let words = |harness: &Window| harness.get_by_label("Words").value().unwrap_or_default();
+    let proposed = words(&harness);
+    assert!(proposed.starts_with("# ") && !proposed.contains("T1"), "{proposed}");
+    harness.get_by_label("Deutsch").click();
+    wait_for_workers(&mut harness);
+    let german = words(&harness);
+    assert!(german.starts_with("# ") && german != proposed, "{german}");
+    harness.get_by_label("Words").focus();
+    harness.run_ok();
+    harness.get_by_label("Words").type_text("Bis zum Frühling. ");
+    harness.run_ok();
+    let kept = doc(&harness).edit.take_home.clone();
+    assert!(kept.text.as_ref().is_some_and(|text| text.contains("Bis zum Frühling.")), "{kept:?}");
+    if let Ok(folder) = std::env::var("GLIOSCOPE_TEST_PICTURES") {
+        harness.render().unwrap().save(Path::new(&folder).join("page-dialog.png")).unwrap();
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let [page, session] = ["page.html", "case.glioscope.json"].map(|name| folder.path().join(name));
+    perform(&mut harness, AppCommand::WritePageTo(page.clone()));
+    wait_for_workers(&mut harness);
+    let html = std::fs::read_to_string(&page).unwrap();
+    assert!(
+        html.contains("Bis zum Frühling.") && html.contains("lang=\"de\""),
+        "the words, and the language"
+    );
+    perform(&mut harness, AppCommand::SaveSessionTo(session.clone()));
+    wait_for_workers(&mut harness);
+    assert!(std::fs::read_to_string(&session).unwrap().contains("Bis zum Frühling."));
+    harness.get_by_label("The program's words").click();
+    wait_for_workers(&mut harness);
+    assert_eq!(doc(&harness).edit.take_home.text, None);
+    assert_eq!(words(&harness), german);
 }
 
 #[test]

@@ -9,14 +9,13 @@ use glioscope_core::{
         conventions::{Comparison, Convention, LesionRule, METRICS, Settings},
     },
 };
-use serde_json::Value;
 
 use super::{
     case::CaseArguments,
     parse::{self, keyword},
     terminal,
 };
-use crate::{error::AppError, format};
+use crate::{error::AppError, format, world::agreement::with_metrics};
 
 /// Additional decimals compared with the tables of the window.
 const EXTRA_DECIMALS: usize = 1;
@@ -110,26 +109,6 @@ pub(super) fn run(arguments: &MeasureArguments) -> Result<(), AppError> {
     let compared = compared.map(|compared| metrics_table(&compared)).unwrap_or_default();
     let values = values.map(|values| values_table(&case, &values)).unwrap_or_default();
     terminal::print(&format!("{text}{compared}{values}"))
-}
-
-/// The report as JSON with each pair's metrics in the pair, and the raters of each date beside them. What a convention says of
-/// Dice and Jaccard replaces what the report says.
-fn with_metrics(report: &measure::MeasureReport, compared: &[DateComparison]) -> Result<Value, AppError> {
-    let json = |value: serde_json::Result<Value>| {
-        value.map_err(|e| {
-            AppError::wrong("the answer", format!("numbers that JSON can't hold ({e})"), "finite ones")
-        })
-    };
-    let mut value = json(serde_json::to_value(report))?;
-    let times = value.get_mut("time_points").and_then(Value::as_array_mut).into_iter().flatten();
-    for (time, date) in times.zip(compared) {
-        let pairs = time.get_mut("pairs").and_then(Value::as_array_mut).into_iter().flatten();
-        for (pair, comparison) in pairs.zip(&date.pairs) {
-            *pair = json(serde_json::to_value(comparison))?;
-        }
-        time["raters"] = json(serde_json::to_value(&date.raters))?;
-    }
-    Ok(value)
 }
 
 /// Metrics of pairs as a text table.

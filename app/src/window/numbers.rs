@@ -11,6 +11,7 @@ use glioscope_core::{
     inside_lens::voxels_inside,
     lesions::LesionsReport,
     measure,
+    response::{BtRads, bt_rads},
 };
 use serde_json::{Map, Value, json};
 
@@ -18,7 +19,7 @@ use crate::{
     error::AppError,
     model::{Document, ExportFormat, document::ball_ml, rulers},
     output,
-    world::response::evaluate_now,
+    world::{agreement::with_metrics, response::evaluate_now},
 };
 
 /// What is exported, as the window showed it.
@@ -48,13 +49,14 @@ impl Shown {
         }
     }
 
-    /// All numbers: those of `measure --json`, and under further keys those of the other panes.
+    /// All numbers: those of `measure --metrics --json`, and under further keys those of the other panes.
     ///
     /// # Errors
     /// [`AppError`] where a computation fails.
     pub fn json(&self, progress: &Progress) -> Result<Value, AppError> {
         let Self { case, doc, .. } = self;
-        let mut numbers = as_value(&measure::report(case))?;
+        let compared = measure::compared(case, &doc.edit.agreement.settings(), progress)?;
+        let mut numbers = with_metrics(&measure::report(case), &compared)?;
         let neighbors = doc.edit.ellipsoids.neighbors;
         let connectivity = Connectivity::of_neighbors(neighbors).unwrap_or_default();
         let ellipsoids = ellipsoid::report(case, connectivity, &ellipsoid::Options::default(), progress)?;
@@ -69,6 +71,7 @@ impl Shown {
             ),
             ("lesions", as_value(&lesions)?),
             ("response", self.response(lesions.as_ref(), progress)?),
+            ("bt_rads", self.bt_rads()),
             ("lines", rulers::as_json(case, &doc.edit.rulers)["lines"].take()),
         ] {
             if let Some(object) = numbers.as_object_mut() {
@@ -134,6 +137,19 @@ impl Shown {
             object.insert("case".to_owned(), self.case.name.clone().into());
         }
         Ok(value)
+    }
+
+    /// The answers to BT-RADS, and the category where they are complete.
+    fn bt_rads(&self) -> Value {
+        let answered = self.doc.edit.response.bt_rads.iter();
+        let of_date = answered.map(|(time, answers)| {
+            let category = match bt_rads(answers) {
+                Ok(BtRads::Result { category, .. }) => Some(category.id),
+                _ => None,
+            };
+            json!({"time": time, "category": category, "answers": answers})
+        });
+        of_date.collect()
     }
 
     /// The comparison of dates as `change --json` has it; null where nothing can be compared.

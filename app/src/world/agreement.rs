@@ -10,8 +10,10 @@ use glioscope_core::{
     },
 };
 
+use serde_json::Value;
+
 use super::jobs::{Ask, Derived, Handle, Lookup};
-use crate::model::AgreementSetting;
+use crate::{error::AppError, model::AgreementSetting};
 
 /// The pairs of a date, and the two of any dates.
 pub struct Agreed {
@@ -19,6 +21,29 @@ pub struct Agreed {
     pub date: DateComparison,
     /// The two; or why they can't be compared, in one line.
     pub two: Option<([Operand; 2], Result<Comparison, String>)>,
+}
+
+/// The report as JSON with each pair's metrics in the pair, and the raters of each date beside them. What a convention says of
+/// Dice and Jaccard replaces what the report says.
+///
+/// # Errors
+/// [`AppError`] for numbers that JSON can't hold.
+pub fn with_metrics(report: &measure::MeasureReport, compared: &[DateComparison]) -> Result<Value, AppError> {
+    let json = |value: serde_json::Result<Value>| {
+        value.map_err(|e| {
+            AppError::wrong("the answer", format!("numbers that JSON can't hold ({e})"), "finite ones")
+        })
+    };
+    let mut value = json(serde_json::to_value(report))?;
+    let times = value.get_mut("time_points").and_then(Value::as_array_mut).into_iter().flatten();
+    for (time, date) in times.zip(compared) {
+        let pairs = time.get_mut("pairs").and_then(Value::as_array_mut).into_iter().flatten();
+        for (pair, comparison) in pairs.zip(&date.pairs) {
+            *pair = json(serde_json::to_value(comparison))?;
+        }
+        time["raters"] = json(serde_json::to_value(&date.raters))?;
+    }
+    Ok(value)
 }
 
 /// The case, the number of the date, how masks are compared, and the two of any dates.

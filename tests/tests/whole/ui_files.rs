@@ -16,10 +16,12 @@ use glioscope_core::{
     glam::DVec3,
 };
 use glioscope_tests::{
-    MASK_COLORS, Window, doc, error_text, issue, perform, sample, wait_for_workers, window_of_user,
+    MASK_COLORS, Window, answer, doc, error_text, issue, perform, sample, wait_for_workers, window_of_user,
     write_cube,
 };
 use serde_json::Value;
+
+use crate::PROGRAM;
 
 const SIZE: [f32; 2] = [1280.0, 800.0];
 
@@ -52,6 +54,13 @@ fn exported_numbers_have_what_the_window_shows_and_csv_has_the_same() {
     assert_eq!(mask["voxels"].as_u64(), Some(time_point.regions.mask_voxels(0)));
     assert_eq!(numbers["hidden_regions"], serde_json::json!([[mask["id"]]]));
     assert_eq!(numbers["lines"][0]["length_mm"].as_f64(), Some(5.0));
+
+    // The metrics of agreement by their convention, as `measure --metrics --json` has them.
+    let metrics = &numbers["time_points"][0]["pairs"][0];
+    assert_eq!(metrics["convention"], "deepmind");
+    let (answered, _) = answer(PROGRAM, &["measure", "--sample", "--metrics", "--json"]);
+    assert_eq!(*metrics, answered["time_points"][0]["pairs"][0]);
+    assert_eq!(numbers["bt_rads"], serde_json::json!([]));
 
     // The lens: a count of all voxels.
     let lens = doc(&harness).edit.lens;

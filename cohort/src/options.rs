@@ -52,6 +52,21 @@ pub struct Options {
     pub tau_mm: Option<f64>,
     /// Percentile of the robust Hausdorff distance.
     pub percentile: Option<f64>,
+    /// Which lesions the convention of BraTS joins and leaves out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tumor: Option<String>,
+    /// What criteria of more than one compartment assess.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub assessment: Option<String>,
+    /// The masks of non-enhancing disease.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub non_enhancing: Vec<String>,
+    /// The image whose values in lesions are reported.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub image: Option<String>,
+    /// Whether the movement of lesions' surfaces is reported.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub surface: bool,
     /// Further arguments by which every command reads the case.
     pub case_arguments: Vec<String>,
     /// Pictures are drawn without a graphics card.

@@ -56,6 +56,7 @@ pub fn first(case: &CohortCase, options: &Options) -> StepCommand {
         .with("convention", options.convention.as_ref().filter(|_| has_metrics))
         .with("tau", number(options.tau_mm))
         .with("percentile", number(options.percentile))
+        .with("tumor", options.tumor.as_ref().filter(|_| has_metrics))
         .flag("json", true)
 }
 
@@ -68,13 +69,19 @@ pub fn others(case: &CohortCase, options: &Options, dates: &[String]) -> Vec<Ste
     let response = |command: StepCommand| {
         command
             .with("criteria", options.criteria.as_ref())
+            .with("assessment", options.assessment.as_ref())
             .with("history", case.history.as_ref().map(|p| p.as_os_str()))
+            .with(
+                "non-enhancing",
+                Some(options.non_enhancing.join(",")).filter(|_| !options.non_enhancing.is_empty()),
+            )
     };
     let is_asked = |step: Step| options.compute.contains(&step);
     if is_asked(Step::Lesions) {
         for (n, mask) in masks.iter().enumerate() {
             let command =
                 StepCommand::new(Step::Lesions, numbered("lesions", n, "json"), case, options, "lesions");
+            let command = command.with("image", options.image.as_ref()).flag("surface", options.surface);
             commands.push(command.with("of", *mask).flag("json", true));
         }
     }
@@ -122,6 +129,11 @@ mod tests {
             compute: Step::VARIANTS.to_vec(),
             of: vec!["-m".into(), "n".into()],
             criteria: Some("rano-2.0".into()),
+            tumor: Some("metastases".into()),
+            assessment: Some("mixed".into()),
+            non_enhancing: vec!["F".into(), "G".into()],
+            image: Some("PET".into()),
+            surface: true,
             tau_mm: Some(2.0),
             case_arguments: vec!["--one-space".into()],
             ..Options::default()
@@ -134,18 +146,28 @@ mod tests {
                 .collect::<Vec<_>>()
                 .join(" ")
         };
-        assert_eq!(words(&first(&case, &options)), "measure /x/a --one-space --metrics --tau=2 --json");
+        assert_eq!(
+            words(&first(&case, &options)),
+            "measure /x/a --one-space --metrics --tau=2 --tumor=metastases --json"
+        );
         let dates = ["1".to_owned(), "2".to_owned(), "3".to_owned()];
         let commands = others(&case, &options, &dates);
         let of = |output: &str| words(commands.iter().find(|command| command.output == output).unwrap());
         assert_eq!(of("change-3.json"), "change /x/a --one-space --of=-m --from=2 --to=3 --json");
         assert_eq!(
             of("response-2.json"),
-            "response /x/a --one-space --criteria=rano-2.0 --history=/x/h.toml --of=n --json"
+            "response /x/a --one-space --criteria=rano-2.0 --assessment=mixed --history=/x/h.toml --non-enhancing=F,G --of=n \
+             --json"
         );
+        assert_eq!(of("lesions-2.json"), "lesions /x/a --one-space --image=PET --surface --of=n --json");
         assert_eq!(of("pictures"), "report /x/a --one-space --out=pictures");
         assert!(commands.iter().all(|command| command.answers || !command.output.ends_with(".json")));
-        let plain = Options { compute: vec![Step::Change], tau_mm: Some(2.0), ..Options::default() };
+        let plain = Options {
+            compute: vec![Step::Change],
+            tau_mm: Some(2.0),
+            tumor: Some("glioma".into()),
+            ..Options::default()
+        };
         assert_eq!(words(&first(&case, &plain)), "measure /x/a --json");
         assert!(others(&case, &plain, &dates[..1]).is_empty());
     }

@@ -11,9 +11,13 @@ use glioscope_cohort::{
     CohortCase, CohortError, Grouped, Options, Outcome, Place, Ranking, Resources, Said, Step, Summary, find,
     group, rank, run as compute,
 };
-use glioscope_core::{measure::conventions::Convention, response::Criterion};
+use glioscope_core::{
+    measure::conventions::Convention,
+    response::{Assessment, Criterion},
+};
 
 use super::{
+    measure::Tumor,
     parse::{self, keyword},
     register::ModelArgument,
     terminal,
@@ -83,6 +87,21 @@ pub struct CohortArguments {
     /// Percentile of the robust Hausdorff distance; default: 95.
     #[arg(long, value_name = "P", value_parser = parse::within(0.0..=100.0), allow_hyphen_values = true)]
     pub percentile: Option<f64>,
+    /// Which lesions the convention brats joins and leaves out; default: those of gliomas.
+    #[arg(long, value_enum)]
+    pub tumor: Option<Tumor>,
+    /// RANO 2.0: what is assessed; default: that of each history, else enhancing.
+    #[arg(long, value_name = "WHAT", value_parser = keyword::<Assessment>())]
+    pub assessment: Option<Assessment>,
+    /// The mask of non-enhancing disease, where that is assessed, too.
+    #[arg(long, value_name = "ID,...", value_delimiter = ',')]
+    pub non_enhancing: Vec<String>,
+    /// Also the values of this image in each lesion.
+    #[arg(long, value_name = "ID")]
+    pub image: Option<String>,
+    /// Also how the surface of each lesion moved since the date before.
+    #[arg(long)]
+    pub surface: bool,
     /// Register each later date to the first one by its images, in every case.
     #[arg(long, value_enum, value_name = "MODEL", num_args = 0..=1, require_equals = true, default_missing_value = "rigid")]
     pub register: Option<ModelArgument>,
@@ -127,6 +146,11 @@ impl CohortArguments {
             convention: self.convention.map(|convention| <&str>::from(convention).to_owned()),
             tau_mm: self.tau,
             percentile: self.percentile,
+            tumor: self.tumor.and_then(|tumor| Some(tumor.to_possible_value()?.get_name().to_owned())),
+            assessment: self.assessment.map(|assessment| <&str>::from(assessment).to_owned()),
+            non_enhancing: self.non_enhancing.clone(),
+            image: self.image.clone(),
+            surface: self.surface,
             case_arguments: register.into_iter().chain(one_space).collect(),
             software: self.software,
         }

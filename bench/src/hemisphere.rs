@@ -1,6 +1,6 @@
 //! Truth of ambient occlusion on masks: the hemisphere about the smoothed normal, by rays through the voxels in `f64`.
 
-use glioscope_core::optics::{Sight, random::Random, voxels::OpaqueVoxels};
+use glioscope_core::optics::{Ray, Sight, random::Random, voxels::OpaqueVoxels};
 use glioscope_render::{LightingMode, Preset, RegionScene, light::preset};
 use rayon::prelude::*;
 
@@ -13,6 +13,11 @@ pub struct HemisphereTruth {
 }
 
 impl HemisphereTruth {
+    /// Mean square of the standard errors.
+    pub fn variance(&self) -> f64 {
+        self.pixels.iter().map(|(_, _, error)| error * error).sum::<f64>() / self.pixels.len().max(1) as f64
+    }
+
     /// Mean fraction; 0 without a pixel.
     pub fn mean(&self) -> f64 {
         self.pixels.iter().map(|(_, hidden, _)| hidden).sum::<f64>() / self.pixels.len().max(1) as f64
@@ -44,7 +49,8 @@ pub fn through_voxels(
         let at_mm = sight.at_mm(pixel, depth_mm);
         let nearer_mm = sight.at_mm(pixel, depth_mm - NEARER_MM);
         let mut random = Random::new(5, number as u64);
-        let (open, error) = voxels.ambient_light((at_mm, nearer_mm), |_| radius_mm, samples, &mut random)?;
+        let hidden = |ray: &Ray| voxels.hidden(ray, radius_mm);
+        let (open, error) = voxels.ambient_light((at_mm, nearer_mm), &hidden, samples, &mut random)?;
         Some((number, 1.0 - open, error))
     };
     Ok(HemisphereTruth { pixels: pixels.into_par_iter().filter_map(at_pixel).collect() })

@@ -444,7 +444,8 @@ pub struct RenderArguments {
     /// Print adapter, pass times and the expected error of the light as JSON.
     #[arg(long)]
     pub stats: bool,
-    /// Also measure the error of the light in this picture of the closeup, by rays in double precision at some thousand pixels.
+    /// Also measure the error of the light in this picture of the closeup or context view, by rays in double precision at some
+    /// thousand pixels.
     #[arg(long, requires = "stats")]
     pub light_error: bool,
     /// An animation in place of a picture.

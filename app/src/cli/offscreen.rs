@@ -3,7 +3,7 @@
 use glioscope_core::Progress;
 use glioscope_render::{
     AdapterPreference, Gpu, Plan, Quality,
-    light::{FrameError, StandardError},
+    light::{FrameErrors, StandardError},
 };
 
 use crate::{
@@ -25,8 +25,8 @@ pub(super) struct DrawReport {
     pub standard_error: Option<StandardError>,
     pub warnings: Vec<String>,
     pub notes: Vec<String>,
-    /// Measured error of the light; `None` where it wasn't asked for or has no reference.
-    pub measured: Option<FrameError>,
+    /// Measured errors of the light; `None` where it wasn't asked for or has no reference.
+    pub measured: Option<FrameErrors>,
 }
 
 /// Report on the last frame of `pane`'s 3D view; empty for other panes. `timed`: with its pass times; `measured`: with the
@@ -48,7 +48,7 @@ pub(super) fn draw_report(
         measured: None,
     };
     if measured && let Some(sample) = screen.light_sample(&gpu)? {
-        report.measured = sample.measure(&Progress::new())?;
+        report.measured = Some(sample.measure(&Progress::new())?);
     }
     if timed && report.plan.is_some() {
         // Before the passes are run again for their times.

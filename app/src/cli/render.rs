@@ -13,7 +13,7 @@ use glioscope_render::{
     CloseupRenderer, Coloring, Gpu, Plan, Quality, RegionScene, View3d, closeup_plan,
     flat::{Convention, Window},
     image::MOST_CLIP_PLANES,
-    light::expected_error,
+    light::{FrameError, expected_error},
     views::closeup::Closeup,
 };
 use serde_json::json;
@@ -327,7 +327,7 @@ fn plain_closeup(
     if arguments.light_error
         && let Some(sample) = Closeup::light_sample(frame, gpu, scene, quality)?
     {
-        report.measured = sample.measure(&Progress::new())?;
+        report.measured = Some(sample.measure(&Progress::new())?);
     }
     (report.warnings, report.notes) = (frame.warnings.clone(), frame.notes.clone());
     report.quality = Some(*quality);
@@ -361,8 +361,9 @@ fn print_stats(adapter: &str, size: [u32; 2], report: &DrawReport) -> Result<(),
     let light = report.quality.map(|quality| {
         let error = expected_error(&quality)
             .map(|[surfaces, tissue]| json!({"surfaces": surfaces, "tissue": tissue}));
+        let one = |found: FrameError| json!({"rms": found.rms, "uncertainty": found.rms_uncertainty, "pixels": found.pixels});
         let measured = report.measured.map(
-            |found| json!({"rms": found.rms, "uncertainty": found.rms_uncertainty, "pixels": found.pixels}),
+            |found| json!({"surfaces": found.surfaces.map(one), "tissue": found.tissue.map(one)}),
         );
         let noise =
             report.standard_error.map(|error| json!({"surfaces": error.surfaces, "tissue": error.tissue}));

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use egui::{Grid, RichText, ScrollArea, Ui};
 use glioscope_render::{
     Gpu, Quality,
-    light::{self, FrameError, LightSample, StandardError},
+    light::{self, FrameError, FrameErrors, LightSample, StandardError},
 };
 
 use super::{
@@ -27,7 +27,7 @@ type FrameNumber = (PaneId, u64);
 pub struct DiagnosticsPane {
     /// The frame whose light was asked to be measured.
     sample: Option<(FrameNumber, Arc<LightSample>)>,
-    measured: Derived<FrameNumber, Option<FrameError>>,
+    measured: Derived<FrameNumber, FrameErrors>,
 }
 
 impl Pane for DiagnosticsPane {
@@ -80,15 +80,22 @@ pub fn light_text(quality: &Quality, measured: Option<StandardError>) -> String 
     }
 }
 
-/// A frame's measured error, as text.
-pub fn measured_text(error: Option<&FrameError>) -> String {
-    match error {
-        Some(FrameError { rms, rms_uncertainty, pixels }) => format!(
-            "Measured in this frame: {rms:.3} ± {rms_uncertainty:.3} of the light (root mean square at {pixels} pixels, \
-             against rays through the voxels)."
-        ),
-        None => "Measured in this frame: nothing, it shows no lit surface of a mask.".to_owned(),
+/// A frame's measured errors, as text.
+pub fn measured_text(errors: &FrameErrors) -> String {
+    let of = |error: Option<FrameError>, what: &str| {
+        error.map(|FrameError { rms, rms_uncertainty, pixels }| {
+            format!("{rms:.3} ± {rms_uncertainty:.3} {what} ({pixels} pixels)")
+        })
+    };
+    let found: Vec<String> =
+        [of(errors.surfaces, "of the light on opaque surfaces"), of(errors.tissue, "of white in tissue")]
+            .into_iter()
+            .flatten()
+            .collect();
+    if found.is_empty() {
+        return "Measured in this frame: nothing, it shows nothing that is lit.".to_owned();
     }
+    format!("Measured in this frame: {} (root mean square in linear light, against rays).", found.join(", "))
 }
 
 impl DiagnosticsPane {
@@ -148,7 +155,7 @@ impl DiagnosticsPane {
         if let Some((_, sample)) = self.sample.as_ref().filter(|(number, _)| *number == frame) {
             let sample = Arc::clone(sample);
             match self.measured.get(frame, ask, move |progress| Ok(sample.measure(progress)?)) {
-                Lookup::Ready(error) => ui.label(measured_text(error.as_ref().as_ref())),
+                Lookup::Ready(errors) => ui.label(measured_text(&errors)),
                 Lookup::Working(progress) => ui.label(format!("Measuring: {}", progress_text(progress))),
                 Lookup::Failed(why) => ui.label(why.to_string()),
             };
@@ -159,7 +166,9 @@ impl DiagnosticsPane {
         }
         let button = ui.button("Measure the error of this frame");
         if button
-            .on_hover_text("Compares some thousand of its pixels with rays through the voxels.")
+            .on_hover_text(
+                "Compares some thousand of its pixels with rays past masks and fibres and through the image.",
+            )
             .clicked()
         {
             match screen.light_sample(gpu) {

@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::camera::{Camera, FIELD_OF_VIEW_DEG, Projection};
+use super::camera::{Camera, FIELD_OF_VIEW_DEG, Projection, Ray};
 
 /// A camera and a frame size, prepared for stepping through planes of equal view depth.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,6 +55,17 @@ impl Sight {
     pub fn at_mm(&self, pixel: [u32; 2], depth_mm: f64) -> DVec3 {
         let p = self.from_middle(pixel) * self.pixel_mm(depth_mm);
         self.eye_mm + self.right * p.x + self.up * p.y + self.forward * depth_mm
+    }
+
+    /// The line of sight through a point in front of the eye: from the eye, or from its plane.
+    pub fn line_through(&self, at_mm: DVec3) -> Ray {
+        if self.mm_per_pixel_per_mm > 0.0 {
+            return Ray {
+                origin_mm: self.eye_mm,
+                direction: (at_mm - self.eye_mm).normalize_or(self.forward),
+            };
+        }
+        Ray { origin_mm: at_mm - self.forward * self.depth_mm(at_mm), direction: self.forward }
     }
 
     /// Length of a pixel's line of sight per view depth, at least 1.

@@ -1,5 +1,7 @@
 //! Light that reaches a place among solids, by brute force: the reference of directional light on opaque geometry.
 
+use std::ops::Range;
+
 use glam::DVec3;
 
 use super::{camera::Ray, monte_carlo::around, random::Random};
@@ -43,6 +45,127 @@ fn between_segments(p: DVec3, q: DVec3, a: DVec3, b: DVec3) -> f64 {
     let t = u.cross(w).dot(across) / area;
     let inside = (0.0..=1.0).contains(&s) && (0.0..=1.0).contains(&t);
     if inside { nearest.min(w.dot(across).abs() / area.sqrt()) } else { nearest }
+}
+
+/// Capsules in a hierarchy of boxes, so that a ray is compared with few of them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CapsuleTree {
+    boxes: Vec<CapsuleBox>,
+    capsules: Vec<Capsule>,
+}
+
+/// A box of a [`CapsuleTree`]; those in it follow it.
+#[derive(Clone, Debug, PartialEq)]
+struct CapsuleBox {
+    low_mm: DVec3,
+    high_mm: DVec3,
+    /// Number of the first box that isn't in it.
+    next: usize,
+    /// Its capsules, if no boxes are in it.
+    capsules: Range<usize>,
+}
+
+impl CapsuleTree {
+    /// Capsules of a box without boxes in it, at most.
+    const MOST: usize = 4;
+
+    /// Of any number of capsules.
+    pub fn new(mut capsules: Vec<Capsule>) -> Self {
+        let mut boxes = Vec::new();
+        let all = 0..capsules.len();
+        if !capsules.is_empty() {
+            Self::add(&mut boxes, &mut capsules, all);
+        }
+        Self { boxes, capsules }
+    }
+
+    /// Adds the box of `range` of all capsules, which it reorders, and the boxes in it.
+    fn add(boxes: &mut Vec<CapsuleBox>, all: &mut [Capsule], range: Range<usize>) {
+        let Some(capsules) = all.get_mut(range.clone()) else { return };
+        let (mut low_mm, mut high_mm) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        let (mut least, mut most) = (low_mm, high_mm);
+        for c in capsules.iter() {
+            low_mm = low_mm.min(c.a_mm.min(c.b_mm) - c.radius_mm);
+            high_mm = high_mm.max(c.a_mm.max(c.b_mm) + c.radius_mm);
+            least = least.min(c.a_mm + c.b_mm);
+            most = most.max(c.a_mm + c.b_mm);
+        }
+        let at = boxes.len();
+        let is_leaf = capsules.len() <= Self::MOST;
+        let held = if is_leaf { range.clone() } else { 0..0 };
+        boxes.push(CapsuleBox { low_mm, high_mm, next: at + 1, capsules: held });
+        if is_leaf {
+            return;
+        }
+        let axis = (most - least).max_position();
+        let half = capsules.len() / 2;
+        let place = |c: &Capsule| (c.a_mm + c.b_mm)[axis];
+        capsules.select_nth_unstable_by(half, |x, y| place(x).total_cmp(&place(y)));
+        Self::add(boxes, all, range.start..range.start + half);
+        Self::add(boxes, all, range.start + half..range.end);
+        let next = boxes.len();
+        if let Some(added) = boxes.get_mut(at) {
+            added.next = next;
+        }
+    }
+
+    /// The capsules in the boxes that `meets` lets pass.
+    fn among<'a>(
+        &'a self,
+        mut meets: impl FnMut(&CapsuleBox) -> bool + 'a,
+    ) -> impl Iterator<Item = &'a Capsule> + 'a {
+        let mut at = 0;
+        let leaves = std::iter::from_fn(move || {
+            while let Some(found) = self.boxes.get(at) {
+                let is_met = meets(found);
+                at = if is_met { at + 1 } else { found.next };
+                if is_met && !found.capsules.is_empty() {
+                    return self.capsules.get(found.capsules.clone());
+                }
+            }
+            None
+        });
+        leaves.flatten()
+    }
+
+    /// Whether a ray passes within the radius of an axis before `far_mm`.
+    pub fn hidden(&self, ray: &Ray, far_mm: f64) -> bool {
+        let inverse = ray.direction.recip();
+        self.among(move |b| {
+            // NaN, where a ray along a box begins on its side, is left out by `min` and `max`.
+            let (to_low, to_high) =
+                ((b.low_mm - ray.origin_mm) * inverse, (b.high_mm - ray.origin_mm) * inverse);
+            let near = (0..3).fold(0.0, |near: f64, axis| near.max(to_low[axis].min(to_high[axis])));
+            let far = (0..3).fold(far_mm, |far: f64, axis| far.min(to_low[axis].max(to_high[axis])));
+            near <= far
+        })
+        .any(|c| c.hidden(ray, far_mm))
+    }
+
+    /// A distance within which all of it lies; 0 without capsules.
+    pub fn farthest_mm(&self, at_mm: DVec3) -> f64 {
+        self.boxes
+            .first()
+            .map_or(0.0, |all| (at_mm - all.low_mm).abs().max((at_mm - all.high_mm).abs()).length())
+    }
+
+    /// The outward normal of the capsule whose surface is nearest to a place, of those within `most_mm`; `None` without any.
+    pub fn normal(&self, at_mm: DVec3, most_mm: f64) -> Option<DVec3> {
+        let from_axis = |c: &Capsule| {
+            let along = c.b_mm - c.a_mm;
+            let share = (at_mm - c.a_mm).dot(along) / along.length_squared();
+            at_mm - c.a_mm - along * if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.0 }
+        };
+        let is_near = move |b: &CapsuleBox| {
+            at_mm.cmpge(b.low_mm - most_mm).all() && at_mm.cmple(b.high_mm + most_mm).all()
+        };
+        self.among(is_near)
+            .map(|c| (from_axis(c), c.radius_mm))
+            .map(|(off, radius_mm)| ((off.length() - radius_mm).abs(), off))
+            .filter(|(away_mm, _)| *away_mm <= most_mm)
+            .min_by(|x, y| x.0.total_cmp(&y.0))
+            .and_then(|(_, off)| off.try_normalize())
+    }
 }
 
 /// Share of the directions within `aperture_deg` of `to_eye` (unit length), uniform in solid angle, along which nothing
@@ -89,6 +212,41 @@ mod tests {
         let one = DVec3::ONE;
         assert_eq!(between_segments(DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Y + DVec3::X), 1.0, "parallel");
         assert_eq!(between_segments(one, one, DVec3::ZERO, DVec3::ZERO), 3f64.sqrt(), "points");
+    }
+
+    #[test]
+    fn a_tree_of_capsules_hides_what_its_capsules_hide() {
+        let mut random = Random::new(7, 0);
+        let mut place = |size: f64| size * (DVec3::new(random.unit(), random.unit(), random.unit()) - 0.5);
+        let mut capsules: Vec<Capsule> = (0..300)
+            .map(|n| {
+                let a_mm = place(60.0);
+                Capsule { a_mm, b_mm: a_mm + place(8.0), radius_mm: 0.3 + f64::from(n % 3) }
+            })
+            .collect();
+        // Many in one place, and one without a length.
+        capsules.extend([Capsule { a_mm: DVec3::ONE, b_mm: DVec3::ONE, radius_mm: 0.5 }; 9]);
+        let tree = CapsuleTree::new(capsules.clone());
+        let mut hits = 0;
+        for n in 0..600 {
+            let direction = match n % 3 {
+                0 => DVec3::AXES[n % 9 / 3],
+                _ => place(2.0).normalize(),
+            };
+            let ray = Ray { origin_mm: place(80.0), direction };
+            let far_mm = [5.0, 30.0, 1e4][n % 5 % 3];
+            let expected = capsules.iter().any(|c| c.hidden(&ray, far_mm));
+            hits += usize::from(expected);
+            assert_eq!(tree.hidden(&ray, far_mm), expected, "{ray:?} {far_mm}");
+        }
+        assert!((100..500).contains(&hits), "{hits}");
+        let ray = Ray { origin_mm: DVec3::ZERO, direction: DVec3::X };
+        assert!(!CapsuleTree::new(Vec::new()).hidden(&ray, 1e9));
+        let alone = Capsule { a_mm: DVec3::ZERO, b_mm: DVec3::X * 4.0, radius_mm: 1.0 };
+        let tree = CapsuleTree::new(vec![alone]);
+        assert_eq!(tree.normal(DVec3::new(2.0, 1.0, 0.0), 0.1), Some(DVec3::Y));
+        assert_eq!(tree.normal(DVec3::new(-1.01, 0.0, 0.0), 0.1), Some(-DVec3::X));
+        assert_eq!(tree.normal(DVec3::new(2.0, 1.2, 0.0), 0.1), None);
     }
 
     /// Half of the cone's solid angle lies within the angle whose cosine is halfway between the cone's and 1.

@@ -96,6 +96,11 @@ impl OpaqueVoxels {
         (value / whole, slope - whole_slope * (value / whole))
     }
 
+    /// Distance of the farthest corner of the grid.
+    pub fn farthest_mm(&self, at_mm: DVec3) -> f64 {
+        self.grid.corners_mm().iter().map(|c| c.distance(at_mm)).fold(0.0, f64::max)
+    }
+
     /// Whether a place lies in an opaque voxel.
     pub fn is_opaque_at(&self, at_mm: DVec3) -> bool {
         self.is_opaque(self.place(at_mm).floor().as_i64vec3().to_array())
@@ -113,19 +118,19 @@ impl OpaqueVoxels {
             .unwrap_or(nearer_mm)
     }
 
-    /// Ambient light of a first hit: the share of the hemisphere about its smoothed normal, weighted by the cosine, in which no
-    /// opaque voxel lies within what `far_mm` gives for a ray; and its standard error. Rays start as
-    /// [`OpaqueVoxels::ray_start_mm`] says. `None` where no normal is known.
+    /// Ambient light of a first hit: the share of the hemisphere about its smoothed normal, weighted by the cosine, in which
+    /// rays aren't `hidden`; and its standard error. Rays start as [`OpaqueVoxels::ray_start_mm`] says. `None` where no normal
+    /// is known.
     pub fn ambient_light(
         &self,
         (hit_mm, nearer_mm): (DVec3, DVec3),
-        far_mm: impl Fn(&Ray) -> f64,
+        hidden: &dyn Fn(&Ray) -> bool,
         rays: u32,
         random: &mut Random,
     ) -> Option<(f64, f64)> {
         let normal = self.normal(hit_mm)?;
         let from_mm = self.ray_start_mm(hit_mm, normal, nearer_mm);
-        let hidden = |ray: &Ray, _: f64| self.hidden(ray, far_mm(ray));
+        let hidden = |ray: &Ray, _: f64| hidden(ray);
         Some(openness(&hidden, from_mm, normal, f64::INFINITY, Weight::Cosine, rays, random))
     }
 

@@ -4,7 +4,7 @@
 mod budget;
 pub(crate) mod cones;
 pub(crate) mod dynamic_ambient;
-mod frame_error;
+pub(crate) mod frame_error;
 #[cfg(test)]
 mod frame_error_tests;
 pub(crate) mod half_angle;
@@ -27,12 +27,13 @@ pub(crate) mod volume;
 use strum::VariantArray;
 
 pub use budget::{Auto, BUDGET_MS};
-pub use frame_error::{FrameError, LightSample};
+pub use frame_error::{FrameError, FrameErrors, LightSample};
 pub use lit::{LightRow, LightWork, StandardError};
 
 use crate::{
     device::{Gpu, PassName, RenderError, runner::PassRunner},
     scene::{LightSettings, LightingMode, Plan, Preset, Quality},
+    solid::view::TINTED,
 };
 use lit::{Light, LitKind, LitMarch, LitScene, Measured};
 
@@ -91,6 +92,11 @@ pub(crate) fn omission_reason(
 /// Flags of the view's uniform that the light passes of `plan` set.
 pub(crate) fn flags(mode: LightingMode, plan: &Plan) -> u32 {
     row(mode).flags.iter().filter(|(pass, _)| plan.has(*pass)).fold(0, |all, (_, flag)| all | flag)
+}
+
+/// Constants of composing passes for a frame: see lib/surface_light.
+pub(crate) fn composing_constants(mode: LightingMode, plan: &Plan) -> Vec<(&'static str, f64)> {
+    if flags(mode, plan) & TINTED != 0 { vec![("tinted", 1.0)] } else { Vec::new() }
 }
 
 /// The quality that takes about `cost` times as long as [`Preset::Balanced`], clamped to the mode's range; not finite

@@ -1,5 +1,5 @@
 //! Which voxels are shown, one bit each: what rays of ambient occlusion and smoothed normals read. Packed on the CPU once
-//! per volume and selection (an eighth of a byte per voxel).
+//! per volume and selection (a quarter of a byte per voxel, as each is in two words).
 
 use std::sync::Arc;
 
@@ -48,31 +48,38 @@ impl ShownVoxels {
     }
 }
 
-fn words_per_line(dims: [usize; 3]) -> usize {
-    (dims[0] + 2 * MARGIN).div_ceil(32)
+/// Words along each axis: of 8x4 voxels of a layer each, every four voxels along x.
+fn word_counts(dims: [usize; 3]) -> [usize; 3] {
+    let [x, y, z] = dims.map(|n| n + 2 * MARGIN);
+    [x.div_ceil(4), y.div_ceil(4), z]
 }
 
-/// With one more, as lib/shown reads two words for bits that may lie in one.
 fn word_count(dims: [usize; 3]) -> usize {
-    words_per_line(dims) * (dims[1] + 2 * MARGIN) * (dims[2] + 2 * MARGIN) + 1
+    word_counts(dims).iter().product()
 }
 
 fn packed(volume: &RegionVolume, selection: &Selection) -> Vec<u32> {
     let grid = volume.grid();
     let dims = grid.dims();
     let is_shown: Vec<bool> = volume.bits_of_id().iter().map(|&bits| selection.shows(bits)).collect();
-    let line_words = words_per_line(dims);
-    let layer_words = line_words * (dims[1] + 2 * MARGIN);
+    let [across, down, _] = word_counts(dims);
     let mut words = vec![0u32; word_count(dims)];
-    words.par_chunks_mut(layer_words).skip(MARGIN).take(dims[2]).enumerate().for_each(|(z, layer)| {
-        for (y, line) in layer.chunks_mut(line_words).skip(MARGIN).take(dims[1]).enumerate() {
+    words.par_chunks_mut(across * down).skip(MARGIN).take(dims[2]).enumerate().for_each(|(z, layer)| {
+        for y in 0..dims[1] {
             let first = grid.linear([0, y, z]);
+            let row = y + MARGIN;
             for x in 0..dims[0] {
                 let id = volume.id(first + x) as usize;
                 if id != 0 && is_shown.get(id).copied().unwrap_or(false) {
-                    let bit = x + MARGIN;
-                    if let Some(word) = line.get_mut(bit / 32) {
-                        *word |= 1 << (bit % 32);
+                    let column = x + MARGIN;
+                    let at = (row / 4) * across + column / 4;
+                    let bit = 8 * (row % 4) + column % 4;
+                    if let Some(word) = layer.get_mut(at) {
+                        *word |= 1 << bit;
+                    }
+                    // The word before holds it, too; the margin has none.
+                    if let Some(word) = (column / 4).checked_sub(1).and_then(|_| layer.get_mut(at - 1)) {
+                        *word |= 16 << bit;
                     }
                 }
             }

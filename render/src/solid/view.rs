@@ -128,7 +128,7 @@ pub(crate) fn camera_view(
         occlusion_strength: quality.occlusion_strength.clamp(0.0, 1.0) as f32,
         color_bleeding: quality.color_bleeding.clamp(0.0, 1.0) as f32,
         relief: quality.relief.clamp(0.0, 1.0) as f32,
-        line_scale: (size[1] as f32 / 512.0).clamp(0.6, 4.0),
+        line_scale: line_scale(size),
         depth_span_mm: 1.0,
         ..View::default()
     };
@@ -153,6 +153,11 @@ pub(crate) fn index_axes(camera: &Camera, reference_mm: f64, grid: &Grid) -> [[f
         single(voxel_from_mm * up),
         single(voxel_from_mm * -back),
     ]
+}
+
+/// Widths of lines, 1 for a frame 512 pixels high.
+pub(crate) fn line_scale(size: [u32; 2]) -> f32 {
+    (size[1] as f32 / 512.0).clamp(0.6, 4.0)
 }
 
 /// The uniform of a scene with depths measured from `reference_mm`; `size` in drawn pixels, `flags` as the plan and

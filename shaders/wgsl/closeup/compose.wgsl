@@ -19,6 +19,10 @@ struct Outside {
 @group(0) @binding(40) var<storage, read> normals: array<u32>;
 @group(0) @binding(10) var picture: texture_storage_2d<rgba8unorm, write>;
 
+// Whether anything is drawn outside the lens, and whether a slice is: else nothing of it is read.
+override has_outside: bool = true;
+override has_slice: bool = false;
+
 // Light at the rim of a surface, where it faces the eye it is 1; linear.
 const RIM_LIGHT = 0.45;
 // Share of light that edges between voxels lack: darker than both faces, whatever their colour.
@@ -63,6 +67,13 @@ fn outer_line_at(here: vec2<i32>, front: f32) -> f32 {
     return line;
 }
 
+fn slice_at(pixel: vec2<u32>) -> PlaneHit {
+    if has_slice {
+        return plane_at(pixel);
+    }
+    return PlaneHit(FAR, vec4<f32>(0.0));
+}
+
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     zero = id.x >> 31u;
@@ -73,10 +84,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let at = linear_index(id.xy);
     var color = view.background.rgb;
     var front = FAR;
-    let slice = plane_at(id.xy);
+    let slice = slice_at(id.xy);
     var slice_pending = slice.depth < FAR;
     let has_surface = (flags() & HAS_SURFACE) != 0u;
-    let has_outside = (flags() & HAS_OUTSIDE) != 0u;
     if has_surface {
         front = depths[at];
     }

@@ -60,6 +60,13 @@ fn first_axis(t: vec3<f32>) -> u32 {
     return select(select(2u, 1u, t.y <= t.z), 0u, t.x <= t.y && t.x <= t.z);
 }
 
+// Whether each axis is the first whose depth is smallest.
+fn is_first(t: vec3<f32>) -> vec3<bool> {
+    let x = (t.x <= t.y) & (t.x <= t.z);
+    let y = (t.y <= t.z) & !x;
+    return vec3<bool>(x, y, !(x | y));
+}
+
 // Interval in which the ray is inside the volume's box.
 fn box_interval(ray: Ray) -> Interval {
     let dims = vec3<i32>(view.dims);
@@ -123,11 +130,10 @@ fn start_walk(ray: Ray, t: f32, axis: u32) -> Walk {
 // Advances by one cell.
 fn step_cell(ray: Ray, w: ptr<function, Walk>) {
     let next = crossing(ray, (*w).cell + ray.ahead);
-    let axis = first_axis(next);
-    let on = vec3<u32>(axis) == vec3<u32>(0u, 1u, 2u);
+    let on = is_first(next);
     (*w).t = min(next.x, min(next.y, next.z));
     (*w).cell += select(vec3<i32>(0), ray.step, on);
-    (*w).axis = axis;
+    (*w).axis = select(select(2u, 1u, on.y), 0u, on.x);
 }
 
 // Advances to the first cell past this brick: the same cell that single steps would reach.

@@ -25,15 +25,19 @@ fn smoothed_at(place: vec3<f32>) -> Smoothed {
     var sum = vec3<f32>(0.0);
     var value = 0.0;
     for (var z = 0; z < 5; z++) {
+        let rows = shown_rows(cell + vec3<i32>(-2, -2, z - 2));
+        // Of the layer: its weights along x and y, and their slopes along either.
+        var layer = vec3<f32>(0.0);
         for (var y = 0; y < 5; y++) {
-            let bits = shown_from(shown_line(cell.y + y - 2, cell.z + z - 2), cell.x - 2);
+            let bits = select(rows.x >> (8u * (u32(y) & 3u)), rows.y, y == 4);
             let on = vec4<f32>((vec4<u32>(bits) >> vec4<u32>(0u, 1u, 2u, 3u)) & vec4<u32>(1u));
             let last = f32((bits >> 4u) & 1u);
             let across = dot(on, vec4<f32>(w[0].x, w[1].x, w[2].x, w[3].x)) + last * w[4].x;
             let along = dot(on, vec4<f32>(d[0].x, d[1].x, d[2].x, d[3].x)) + last * d[4].x;
-            value += across * w[y].y * w[z].z;
-            sum += vec3<f32>(along * w[y].y * w[z].z, across * d[y].y * w[z].z, across * w[y].y * d[z].z);
+            layer += vec3<f32>(along * w[y].y, across * d[y].y, across * w[y].y);
         }
+        value += layer.z * w[z].z;
+        sum += vec3<f32>(layer.xy * w[z].z, layer.z * d[z].z);
     }
     // Of the weighted mean: where all voxels are alike it is flat.
     return Smoothed(value / (whole.x * whole.y * whole.z), sum - value * whole_slope / whole);

@@ -51,7 +51,6 @@ const HAS_PLANE = 256u;
 const HAS_TUBES = 512u;          // tubes or arrows are among depths and surfaces
 const LINEAR_LIGHT = 1024u;        // the march's colours are in linear light
 const HAS_PROJECTION = 4096u;        // a second image is projected over the picture
-const TINTED = 8192u;              // light on surfaces has a colour: see lib/surface_light
 const SMOOTH = 2048u;              // surfaces are a level set, without edges of voxels
 
 // Depth of a pixel without a hit.

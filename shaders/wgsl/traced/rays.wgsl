@@ -57,7 +57,7 @@ fn blocker(ray: Ray, far: f32) -> vec3<i32> {
         starts_inside = starts_inside && shown;
         let next = crossing(ray, cell + ray.ahead);
         t = min(next.x, min(next.y, next.z));
-        cell += select(vec3<i32>(0), ray.step, vec3<u32>(first_axis(next)) == vec3<u32>(0u, 1u, 2u));
+        cell += select(vec3<i32>(0), ray.step, is_first(next));
     }
     return vec3<i32>(-MARGIN - 1);
 }

@@ -509,6 +509,7 @@ fn stats(made: &Made) -> Vec<Value> {
         draw(&["--view", "overlap"]),
         draw(&["--view", "closeup", "--light-error"]),
         draw(&["--view", "context", "--light", "slices", "--quality", "draft"]),
+        draw(&["--view", "context", "--light", "cones", "--quality", "draft", "--light-error"]),
     ]
 }
 

@@ -3,7 +3,7 @@
 //! itself and without bricks.
 
 use glam::{DMat3, DVec3};
-use glioscope_core::optics::{Projection, Ray, Sight};
+use glioscope_core::optics::Sight;
 
 use super::{
     pyramid::{self, Level},
@@ -91,7 +91,7 @@ impl<'a> ConeTwin<'a> {
 
     /// At a point in the world, millimetres.
     pub fn at(&self, at_mm: DVec3) -> Light {
-        let axis = -self.line_of_sight(at_mm).direction;
+        let axis = -self.sight.line_through(at_mm).direction;
         let right = self.sight.right;
         let u = right - axis * axis.dot(right);
         let u = u / u.length();
@@ -111,20 +111,6 @@ impl<'a> ConeTwin<'a> {
     /// Along one sub-cone from a direction of the world (unit length).
     pub fn along(&self, at_mm: DVec3, from: DVec3) -> Light {
         self.sub_cone(at_mm, from)
-    }
-
-    /// The line of sight through a point, from the eye or its plane.
-    fn line_of_sight(&self, at_mm: DVec3) -> Ray {
-        match self.scene.camera.projection {
-            Projection::Perspective => {
-                let away = at_mm - self.sight.eye_mm;
-                Ray { origin_mm: self.sight.eye_mm, direction: away / away.length() }
-            }
-            Projection::Orthographic => {
-                let forward = self.sight.forward;
-                Ray { origin_mm: at_mm - forward * self.sight.depth_mm(at_mm), direction: forward }
-            }
-        }
     }
 
     fn extinction(&self, index: DVec3, level: f64) -> f64 {
@@ -189,7 +175,7 @@ impl<'a> ConeTwin<'a> {
             ambiguous |= inside_mm.abs() < AMBIGUOUS;
         }
         if let Some(tumor) = &self.scene.tumor {
-            let ray = self.line_of_sight(at_mm);
+            let ray = self.sight.line_through(at_mm);
             let (enter, leave) = box_interval(tumor.grid(), &ray);
             let along = (at_mm - ray.origin_mm).dot(ray.direction);
             let meets = enter.max(0.0) < leave;

@@ -21,7 +21,10 @@ mod values;
 use std::sync::Arc;
 
 use glam::DVec3;
-use glioscope_core::{Cancelled, Progress, TractScalar, Tracts};
+use glioscope_core::{
+    Cancelled, Progress, TractScalar, Tracts,
+    optics::{Sight, solids::Capsule},
+};
 use rayon::prelude::*;
 
 use self::{
@@ -31,6 +34,7 @@ use self::{
 use crate::{
     device::PassName,
     scene::{ColorMap, Rgb},
+    solid::view::line_scale,
 };
 
 /// Fibre tracts as tubes.
@@ -135,6 +139,24 @@ impl DrawnTubes {
     pub(crate) fn radius_mm(&self) -> f64 {
         let radius_mm = self.look.radius_mm;
         if radius_mm.is_nan() { TubeSet::RADIUS_MM } else { radius_mm.clamp(0.01, 100.0) }
+    }
+
+    /// Its tubes, world millimetres.
+    pub(crate) fn capsules(&self) -> impl Iterator<Item = Capsule> + '_ {
+        let radius_mm = self.radius_mm();
+        let place = |p: &[f32; 3]| self.set.origin_mm + DVec3::from_array(p.map(f64::from));
+        (0..self.set.fiber_count()).flat_map(move |n| {
+            let fiber = self.set.fiber(n);
+            // A fibre of one point is a ball.
+            let ends =
+                fiber.iter().zip(fiber.iter().skip(1).chain(fiber.first().filter(|_| fiber.len() == 1)));
+            ends.map(move |(a, b)| Capsule { a_mm: place(a), b_mm: place(b), radius_mm })
+        })
+    }
+
+    /// Half the least width that tubes are drawn with at a place.
+    pub(crate) fn least_radius_mm(sight: &Sight, at_mm: DVec3) -> f64 {
+        buffers::LEAST_PX * f64::from(line_scale(sight.size)) * sight.pixel_mm(sight.depth_mm(at_mm))
     }
 
     /// Box around its tubes, world millimetres; `None` without points.

@@ -14,7 +14,12 @@ use super::{
     uniforms,
 };
 use crate::{
-    device::{Gpu, RenderError, pipelines::RasterShader, raster::RasterTargets, runner::Drawing},
+    device::{
+        Gpu, RenderError,
+        pipelines::RasterShader,
+        raster::RasterTargets,
+        runner::{Drawing, Shader},
+    },
     image::CONTEXT,
     light::{
         self,
@@ -447,6 +452,8 @@ impl Change {
             (23, own.tops.as_entire_binding()),
             (25, wgpu::BindingResource::TextureView(&part.targets.picture)),
         ];
-        draw.passes.bind(draw.gpu, COMPOSE, "change/compose", &entries, workgroups)
+        let constants = light::composing_constants(draw.quality.lighting.mode, draw.plan);
+        let shader = Shader { file: "change/compose", constants: &constants };
+        draw.passes.bind(draw.gpu, COMPOSE, shader, &entries, workgroups)
     }
 }

@@ -17,16 +17,17 @@ use glam::DVec3;
 use glioscope_core::RegionVolume;
 
 use crate::{
-    device::{Gpu, RenderError},
+    device::{Gpu, RenderError, runner::Shader},
     light::{
         self, LightSample, NO_IMAGE,
+        frame_error::{FramePixels, FrameScene},
         lit::{LitKind, LitScene, Opaque},
         traced::RAYS,
     },
     scene::{Lens, Plan, Quality, RegionScene, lens::check_view},
     solid::{
         NORMALS, OUTSIDE, SMOOTH, SURFACE,
-        plane::PlaneBuffers,
+        plane::{HAS_PLANE, PlaneBuffers},
         regions::RegionBuffers,
         shown::ShownVoxels,
         view::{
@@ -70,6 +71,19 @@ pub struct FrameData {
 /// Whether the lens contains every corner of the volume's box.
 fn covers(lens: &Lens, corners_mm: &[DVec3; 8]) -> bool {
     corners_mm.iter().all(|c| c.distance(lens.center_mm) <= lens.radius_mm)
+}
+
+/// What a frame shows that its light's error depends on.
+pub(crate) fn frame_scene(scene: &RegionScene, quality: &Quality) -> FrameScene {
+    FrameScene {
+        camera: scene.camera,
+        tumor: scene.tumor.clone(),
+        selection: scene.selection.clone(),
+        cut: scene.lens,
+        is_smooth: light::shows_smooth(quality),
+        tubes: Vec::new(),
+        image: None,
+    }
 }
 
 /// The passes that `scene` needs at `quality`. Omitting the others changes no pixel.
@@ -209,13 +223,19 @@ impl View3d for Closeup {
             (40, targets.normals.as_entire_binding()),
         ];
         let entries = [&entries[..], &self.plane.entries()].concat();
-        draw.passes.bind(gpu, COMPOSE, "closeup/compose", &entries, workgroups)?;
+        // Most frames have no slice, and those with the lens an outside: only other ones have a pipeline of their own.
+        let outside = (!draw.plan.has(OUTSIDE)).then_some(("has_outside", 0.0));
+        let slice = (view.flags & HAS_PLANE != 0).then_some(("has_slice", 1.0));
+        let tint = light::composing_constants(draw.quality.lighting.mode, draw.plan);
+        let constants: Vec<_> = outside.into_iter().chain(slice).chain(tint).collect();
+        let shader = Shader { file: "closeup/compose", constants: &constants };
+        draw.passes.bind(gpu, COMPOSE, shader, &entries, workgroups)?;
         let data = FrameData { tumor: scene.tumor.clone(), lens: scene.lens };
         Ok(Prepared { data, camera: scene.camera, reference_mm, warnings: Vec::new(), notes })
     }
 
     fn has_light_reference(scene: &RegionScene, quality: &Quality) -> bool {
-        LightSample::has_reference(scene, quality)
+        frame_scene(scene, quality).has_reference(quality)
     }
 
     fn light_sample(
@@ -229,7 +249,8 @@ impl View3d for Closeup {
             return Ok(None);
         }
         let Occlusion { depths_mm, dark } = frame.occlusion(gpu)?;
-        Ok(LightSample::of(scene, quality, frame.size_px, (depths_mm, dark)))
+        let pixels = FramePixels { depths_mm, dark, ..FramePixels::default() };
+        Ok(LightSample::of(frame_scene(scene, quality), quality, frame.size_px, pixels))
     }
 
     fn pick(frame: &Frame<Self>, gpu: &Gpu, pixel: [u32; 2]) -> Result<Option<Pick>, RenderError> {

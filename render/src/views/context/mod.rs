@@ -34,7 +34,8 @@ use crate::{
     device::{Gpu, RenderError, pipelines::RasterShader, runner::Shader},
     image::uniforms::Marched,
     light::{
-        self,
+        self, LightSample,
+        frame_error::FramePixels,
         lit::{LitScene, Opaque},
     },
     scene::{Plan, Quality},
@@ -51,7 +52,10 @@ use crate::{
             region_view, world_at,
         },
     },
-    views::view3d::{COMPOSE, Draw, Frame, Prepared, View3d},
+    views::{
+        Occlusion,
+        view3d::{COMPOSE, Draw, Frame, Prepared, View3d},
+    },
 };
 
 /// What is under a pixel.
@@ -221,7 +225,9 @@ impl View3d for Context {
             (30, self.tubes.shades().as_entire_binding()),
             (33, self.projection.projected().as_entire_binding()),
         ];
-        draw.passes.bind(gpu, COMPOSE, "context/compose", &entries, workgroups)?;
+        let constants = light::composing_constants(draw.quality.lighting.mode, draw.plan);
+        let shader = Shader { file: "context/compose", constants: &constants };
+        draw.passes.bind(gpu, COMPOSE, shader, &entries, workgroups)?;
         let data = FrameData { tumor: scene.tumor.clone(), tubes: scene.tubes.clone() };
         Ok(Prepared {
             data,
@@ -230,6 +236,31 @@ impl View3d for Context {
             warnings: warning.into_iter().chain(second).collect(),
             notes,
         })
+    }
+
+    fn has_light_reference(scene: &ContextScene, quality: &Quality) -> bool {
+        scene.frame_scene().has_reference(quality)
+    }
+
+    fn light_sample(
+        frame: &Frame<Self>,
+        gpu: &Gpu,
+        scene: &ContextScene,
+        quality: &Quality,
+    ) -> Result<Option<LightSample>, RenderError> {
+        if !Self::has_light_reference(scene, quality) {
+            return Ok(None);
+        }
+        let Occlusion { depths_mm, dark } = if frame.plan.has(SURFACE) || frame.plan.has(TUBES_MERGE) {
+            frame.occlusion(gpu)?
+        } else {
+            let pixels = frame.size_px[0] as usize * frame.size_px[1] as usize;
+            Occlusion { depths_mm: vec![f64::INFINITY; pixels], dark: vec![0.0; pixels] }
+        };
+        let is_tube = if frame.plan.has(TUBES_MERGE) { frame.is_tube(gpu)? } else { Vec::new() };
+        let radiance = if shows_image(&frame.plan) { frame.image_rgba(gpu)? } else { Vec::new() };
+        let pixels = FramePixels { depths_mm, dark, is_tube, radiance };
+        Ok(LightSample::of(scene.frame_scene(), quality, frame.size_px, pixels))
     }
 
     fn pick(frame: &Frame<Self>, gpu: &Gpu, pixel: [u32; 2]) -> Result<Option<ContextPick>, RenderError> {
@@ -288,6 +319,15 @@ impl Frame<Context> {
         let marched: Vec<Marched> =
             read.first().map(|bytes| bytemuck::pod_collect_to_vec(bytes)).unwrap_or_default();
         Ok(marched.iter().map(Marched::rgba).collect())
+    }
+
+    /// Whether each pixel drawn shows a fibre.
+    fn is_tube(&self, gpu: &Gpu) -> Result<Vec<bool>, RenderError> {
+        let n = u64::from(self.size_px[0]) * u64::from(self.size_px[1]);
+        let read = gpu.read_buffers(&[(&self.targets.surfaces, 0, n * 8)])?;
+        let surfaces: Vec<[u32; 2]> =
+            read.first().map(|bytes| bytemuck::pod_collect_to_vec(bytes)).unwrap_or_default();
+        Ok(surfaces.iter().map(|[_, face]| fiber_number(*face).is_some()).collect())
     }
 }
 

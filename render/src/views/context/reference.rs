@@ -12,11 +12,14 @@ use glioscope_core::{
 use rayon::prelude::*;
 
 use super::ContextScene;
-use crate::image::{
-    TransferFunction,
-    tables::Tables,
-    uniforms::{AMBIENT, SPECULAR, jitter},
-    volume::Field,
+use crate::{
+    image::{
+        TransferFunction,
+        tables::Tables,
+        uniforms::{AMBIENT, SPECULAR, jitter},
+        volume::Field,
+    },
+    light::frame_error::FrameImage,
 };
 
 /// Sampling along a ray.
@@ -172,6 +175,16 @@ fn shaded(color: [f64; 3], gradient: DVec3, ray: DVec3, half_shaded: f64, inside
     let facing = (gradient.dot(ray) / steepness).abs();
     let light = AMBIENT + (1.0 - AMBIENT) * facing;
     color.map(|c| (c * (1.0 - strength + strength * light) + strength * SPECULAR * facing.powi(16)).min(1.0))
+}
+
+impl FrameImage for ContextScene {
+    fn medium(&self) -> Option<OpticalVolume> {
+        ContextScene::medium(self)
+    }
+
+    fn shown_mm(&self, sight: &Ray) -> Option<(f64, f64)> {
+        visible_interval(self, sight)
+    }
 }
 
 impl ContextScene {

@@ -9,7 +9,13 @@ use super::projection::{ImageProjection, PROJECTION};
 use crate::{
     device::{PassName, RenderError},
     image::{CONTEXT, ClipPlane, ContextVolume, GRADIENT_OPACITY, MOST_CLIP_PLANES, TransferFunction},
-    light::{self, layers::LAYERS, lit::LitKind, vicinity::TUBE_SHADOWS},
+    light::{
+        self,
+        frame_error::{FrameImage, FrameScene},
+        layers::LAYERS,
+        lit::LitKind,
+        vicinity::TUBE_SHADOWS,
+    },
     scene::{
         Lens, MaskColors, Plan, Quality, RegionScene, Rgb, lens::check_view, regions::nothing_shown, same,
     },
@@ -110,6 +116,20 @@ impl ContextScene {
         let tubes = self.tubes.iter().filter(|t| t.draws()).filter_map(DrawnTubes::bounds_mm);
         let masks = self.tumor.iter().flat_map(|t| t.grid().corners_mm());
         masks.chain(tubes.flat_map(corners_mm)).collect()
+    }
+
+    /// What a frame shows that its light's error depends on.
+    pub(crate) fn frame_scene(&self) -> FrameScene {
+        let image = no_image(self).is_none().then(|| Arc::new(self.clone()) as Arc<dyn FrameImage>);
+        FrameScene {
+            camera: self.camera,
+            tumor: self.tumor.clone(),
+            selection: self.selection.clone(),
+            cut: None,
+            is_smooth: false,
+            tubes: self.tubes.clone(),
+            image,
+        }
     }
 
     /// Rejects a scene that can't be drawn.

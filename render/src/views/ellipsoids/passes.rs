@@ -11,6 +11,7 @@ use crate::{
     device::{
         Gpu, RenderError,
         buffers::{GrowingBuffer, WRITTEN},
+        runner::Shader,
     },
     light::{
         self,
@@ -259,11 +260,13 @@ impl Ellipsoids {
         let shared = [&shared[..], &self.plane.entries()].concat();
         let own = [(11, self.nodes.buffer().as_entire_binding()), (12, self.counters.as_entire_binding())];
         let entries = [&shared[..], &own].concat();
-        draw.passes.bind(draw.gpu, COMPOSE, "ellipsoids/compose", &entries, workgroups)?;
+        let constants = light::composing_constants(draw.quality.lighting.mode, draw.plan);
+        let shader = |file| Shader { file, constants: &constants };
+        draw.passes.bind(draw.gpu, COMPOSE, shader("ellipsoids/compose"), &entries, workgroups)?;
         if draw.plan.has(REST) {
             let own = [(2, self.tiles.buffer().as_entire_binding())];
             let entries = [&shared[..], &own].concat();
-            draw.passes.bind(draw.gpu, REST, "ellipsoids/rest", &entries, workgroups)?;
+            draw.passes.bind(draw.gpu, REST, shader("ellipsoids/rest"), &entries, workgroups)?;
         }
         Ok(())
     }

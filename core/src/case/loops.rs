@@ -88,7 +88,7 @@ pub fn close_loops(
                 Ok(Some(spread)) => registered.went_around(*spread, &through),
                 Ok(None) => {}
                 Err(why) => {
-                    registered.warnings.push(format!("the loop through {through} is not closed: {why}"))
+                    registered.warnings.push(format!("the loop through {through} is not closed: {why}"));
                 }
             }
         }

@@ -23,9 +23,9 @@ pub use image::{
     Shape as TransferShape, TransferFunction, TransferPreset, ValueHistogram,
 };
 pub use scene::{
-    ColorMap, Coloring, Lamp, LampFrame, Lens, LightSettings, LightingMode, MaskColors, MutualOcclusion,
-    Palette, PathSettings, Plan, Preset, Quality, RegionScene, Rgb, SlicePlane, SliceVariant,
-    agreement_color,
+    ColorMap, Coloring, Knob, KnobRow, Knobs, Lamp, LampFrame, Lens, LightSettings, LightingMode, MaskColors,
+    MutualOcclusion, Palette, PathSettings, Plan, Preset, Quality, RegionScene, Rgb, SlicePlane,
+    SliceVariant, agreement_color,
 };
 pub use solid::tubes::{DrawnTubes, TubeLook, TubeSet, TubeShape, TubeValues, tract_color};
 pub use views::{

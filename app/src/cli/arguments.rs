@@ -264,6 +264,9 @@ pub struct LightArguments {
     /// Dynamic ambient: clusters of surroundings, 1 to 1024.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub clusters: Option<u32>,
+    /// Dynamic ambient, spherical harmonics: how much of its colour tissue gives to the tissue that it darkens, 0 to 1.
+    #[arg(long, value_name = "SHARE", value_parser = parse::within(0.0..=1.0), allow_hyphen_values = true)]
+    pub tissue_bleeding: Option<f64>,
     /// Slices: pairs A-B where A darkens B, of image-image, opaque-image, image-opaque and opaque-opaque; or none.
     #[arg(long, value_name = "A-B,...", value_parser = parse::darkens)]
     pub darkens: Option<MutualOcclusion>,

@@ -1,15 +1,13 @@
 //! Lighting settings from the command line.
 
-use glioscope_render::{Lamp, LightSettings, LightingMode, PathSettings, Preset, light};
+use glioscope_render::{Knob, Knobs, Lamp, LightSettings, Preset, light};
 
 use super::arguments::LightArguments;
 use crate::model::{LightChoice, Shading};
 
 /// The lighting given by the arguments: the preset's, or custom settings based on it. What they leave open is as in `base`.
 pub(super) fn light(arguments: &LightArguments, base: &LightChoice) -> LightChoice {
-    let LightArguments {
-        light: mode, quality, aperture, slices, footprint, slice_mm, cell_mm, darkens, ..
-    } = *arguments;
+    let LightArguments { light: mode, quality, aperture, slices, footprint, darkens, .. } = *arguments;
     let is_open = mode.is_none() && quality.is_none() && aperture.is_none();
     let mut choice = LightChoice {
         mode: mode.unwrap_or(base.mode),
@@ -30,14 +28,10 @@ pub(super) fn light(arguments: &LightArguments, base: &LightChoice) -> LightChoi
             smooth: arguments.smooth || base.shading.smooth,
             vicinity_mm: arguments.vicinity_mm.or(base.shading.vicinity_mm),
             vicinity_samples: arguments.vicinity_samples.or(base.shading.vicinity_samples),
+            knobs: knobs(arguments, base.shading.knobs),
         },
     };
-    let is_preset = slices.is_none() && footprint.is_none() && slice_mm.is_none();
-    let LightArguments { sky_order, sky_directions, sky_share, clusters, .. } = *arguments;
-    let is_sky = sky_order.is_some() || sky_directions.is_some() || sky_share.is_some();
-    let has_paths = arguments.paths.or(arguments.bounces).is_some()
-        || arguments.lamp_share.or(arguments.lamp_radius).or(arguments.anisotropy).is_some();
-    if is_preset && cell_mm.is_none() && !is_sky && clusters.is_none() && darkens.is_none() && !has_paths {
+    if slices.is_none() && footprint.is_none() && darkens.is_none() {
         return choice;
     }
     let preset = light::preset(choice.mode, choice.preset.unwrap_or(Preset::Reference)).lighting;
@@ -45,33 +39,42 @@ pub(super) fn light(arguments: &LightArguments, base: &LightChoice) -> LightChoi
         aperture_deg: choice.aperture_deg,
         variant: slices.unwrap_or(preset.variant),
         slice_grid: footprint.unwrap_or(preset.slice_grid),
-        slice_mm: slice_mm.unwrap_or(preset.slice_mm),
-        // The light's buffer is as fine as the slices, as in the presets.
-        lamp_texel_mm: slice_mm
-            .filter(|_| choice.mode == LightingMode::HalfAngle)
-            .unwrap_or(preset.lamp_texel_mm),
-        cell_mm: cell_mm.unwrap_or(preset.cell_mm),
-        sky_order: sky_order.unwrap_or(preset.sky_order),
-        sky_directions: sky_directions.unwrap_or(preset.sky_directions),
-        sky_share: sky_share.unwrap_or(preset.sky_share),
-        clusters: clusters.unwrap_or(preset.clusters),
-        paths: PathSettings {
-            most: arguments.paths.unwrap_or(preset.paths.most),
-            bounces: arguments.bounces.unwrap_or(preset.paths.bounces),
-            anisotropy: arguments.anisotropy.unwrap_or(preset.paths.anisotropy),
-            lamp_share: arguments.lamp_share.unwrap_or(preset.paths.lamp_share),
-            lamp_radius_deg: arguments.lamp_radius.unwrap_or(preset.paths.lamp_radius_deg),
-        },
         mutual: darkens.unwrap_or(preset.mutual),
         ..preset
     });
     choice
 }
 
+/// The settings that only some modes have.
+fn knobs(arguments: &LightArguments, base: Knobs) -> Knobs {
+    let a = arguments;
+    let mut out = base;
+    let whole = |value: Option<u32>| value.map(f64::from);
+    for (knob, value) in [
+        (Knob::SliceMm, a.slice_mm),
+        (Knob::CellMm, a.cell_mm),
+        (Knob::SkyOrder, whole(a.sky_order)),
+        (Knob::SkyDirections, whole(a.sky_directions)),
+        (Knob::SkyShare, a.sky_share),
+        (Knob::Clusters, whole(a.clusters)),
+        (Knob::TissueBleeding, a.tissue_bleeding),
+        (Knob::Paths, whole(a.paths)),
+        (Knob::Bounces, whole(a.bounces)),
+        (Knob::Anisotropy, a.anisotropy),
+        (Knob::LampShare, a.lamp_share),
+        (Knob::LampRadiusDeg, a.lamp_radius),
+    ] {
+        if let Some(value) = value {
+            out.set(knob, value);
+        }
+    }
+    out
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glioscope_render::{LampFrame, MutualOcclusion, SliceVariant};
+    use glioscope_render::{LampFrame, LightingMode, MutualOcclusion, PathSettings, SliceVariant};
 
     #[test]
     fn custom_settings_start_from_the_preset() {

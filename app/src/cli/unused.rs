@@ -1,6 +1,6 @@
 //! Options of `render` that change nothing in the view drawn.
 
-use glioscope_render::{LightingMode, light};
+use glioscope_render::{Knob, LightingMode, light};
 
 use super::{
     arguments::{LightArguments, RenderArguments},
@@ -43,6 +43,7 @@ pub(super) fn without_effect(arguments: &RenderArguments) -> Vec<&'static str> {
         ("--slices", light.slices.is_some(), with_image),
         ("--footprint", light.footprint.is_some(), with_image),
         ("--slice-mm", light.slice_mm.is_some(), with_image),
+        ("--tissue-bleeding", light.tissue_bleeding.is_some(), with_image),
         ("--darkens", light.darkens.is_some(), views_3d),
         ("--occlusion-mm", light.occlusion_mm.is_some(), views_3d),
         ("--ambient", light.ambient.is_some(), views_3d),
@@ -87,28 +88,29 @@ pub(super) fn without_effect(arguments: &RenderArguments) -> Vec<&'static str> {
 pub(super) fn without_effect_on_light(arguments: &LightArguments, choice: &LightChoice) -> Vec<&'static str> {
     let a = arguments;
     let row = light::row(choice.mode);
-    let has_paths = choice.mode == LightingMode::PathTraced;
+    let has = |knob: Knob| row.knobs.contains(&knob);
     let table = [
         ("--aperture", a.aperture.is_some(), row.has_aperture),
         ("--lamp", a.lamp.is_some(), row.has_lamp || row.turns_to_lamp()),
         ("--lamp-frame", a.lamp_frame.is_some(), row.has_lamp || row.turns_to_lamp()),
-        ("--lamp-share", a.lamp_share.is_some(), has_paths),
-        ("--lamp-radius", a.lamp_radius.is_some(), has_paths),
-        ("--paths", a.paths.is_some(), has_paths),
-        ("--bounces", a.bounces.is_some(), has_paths),
-        ("--anisotropy", a.anisotropy.is_some(), has_paths),
+        ("--lamp-share", a.lamp_share.is_some(), has(Knob::LampShare)),
+        ("--lamp-radius", a.lamp_radius.is_some(), has(Knob::LampRadiusDeg)),
+        ("--paths", a.paths.is_some(), has(Knob::Paths)),
+        ("--bounces", a.bounces.is_some(), has(Knob::Bounces)),
+        ("--anisotropy", a.anisotropy.is_some(), has(Knob::Anisotropy)),
         ("--occlusion-mm", a.occlusion_mm.is_some(), choice.has_ambient_occlusion()),
         ("--smooth", a.smooth, row.lights_smooth),
         ("--vicinity-mm", a.vicinity_mm.is_some(), choice.has_vicinity()),
         ("--vicinity-samples", a.vicinity_samples.is_some(), choice.has_vicinity()),
         ("--slices", a.slices.is_some(), choice.mode == LightingMode::Slices),
         ("--footprint", a.footprint.is_some(), choice.mode == LightingMode::Slices),
-        ("--slice-mm", a.slice_mm.is_some(), choice.has_slices()),
-        ("--sky-order", a.sky_order.is_some(), choice.mode == LightingMode::SphericalHarmonics),
-        ("--sky-directions", a.sky_directions.is_some(), choice.mode == LightingMode::SphericalHarmonics),
-        ("--sky-share", a.sky_share.is_some(), choice.mode == LightingMode::SphericalHarmonics),
-        ("--clusters", a.clusters.is_some(), choice.mode == LightingMode::DynamicAmbient),
-        ("--cell-mm", a.cell_mm.is_some(), choice.has_cells()),
+        ("--slice-mm", a.slice_mm.is_some(), has(Knob::SliceMm)),
+        ("--sky-order", a.sky_order.is_some(), has(Knob::SkyOrder)),
+        ("--sky-directions", a.sky_directions.is_some(), has(Knob::SkyDirections)),
+        ("--sky-share", a.sky_share.is_some(), has(Knob::SkyShare)),
+        ("--clusters", a.clusters.is_some(), has(Knob::Clusters)),
+        ("--tissue-bleeding", a.tissue_bleeding.is_some(), has(Knob::TissueBleeding)),
+        ("--cell-mm", a.cell_mm.is_some(), has(Knob::CellMm)),
     ];
     let unused = table.into_iter().filter(|(_, given, has_effect)| *given && !has_effect);
     unused.map(|(option, ..)| option).collect()

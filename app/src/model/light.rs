@@ -1,6 +1,6 @@
 //! Lighting settings of the 3D views.
 
-use glioscope_render::{Lamp, LightSettings, LightingMode, Preset, Quality, light};
+use glioscope_render::{Knobs, Lamp, LightSettings, LightingMode, Preset, Quality, light};
 use serde::{Deserialize, Serialize};
 
 /// Lighting mode, preset and settings of the 3D views.
@@ -42,6 +42,8 @@ pub struct Shading {
     pub vicinity_mm: Option<f64>,
     /// Vicinity occlusion: samples, 1 to [`LightSettings::MOST_VICINITY`].
     pub vicinity_samples: Option<u32>,
+    /// Settings that only some lighting modes have.
+    pub knobs: Knobs,
 }
 
 impl Shading {
@@ -88,8 +90,10 @@ impl LightChoice {
             self.own.unwrap_or(LightSettings { aperture_deg: self.aperture_deg, ..quality.lighting });
         let towards_lamp = self.towards_lamp && light::row(self.mode).turns_to_lamp();
         let lighting = LightSettings { lamp: self.lamp, towards_lamp, ..lighting };
-        let cost = quality.cost.filter(|_| self.own.is_none());
-        self.shading.at(Quality { lighting, cost, ..quality })
+        let at_rest = self.own.unwrap_or_else(|| self.preset_at_rest().lighting);
+        let with_knobs = self.shading.knobs.at(light::row(self.mode).knobs, lighting, &at_rest);
+        let cost = quality.cost.filter(|_| self.own.is_none() && with_knobs == lighting);
+        self.shading.at(Quality { lighting: with_knobs, cost, ..quality })
     }
 
     /// Whether where the lamp stands has an effect.
@@ -109,25 +113,20 @@ impl LightChoice {
         self.mode == LightingMode::Slices
     }
 
-    /// Whether the mode has slices at distances of [`LightSettings::slice_mm`].
-    pub fn has_slices(&self) -> bool {
-        matches!(self.mode, LightingMode::Slices | LightingMode::HalfAngle)
-    }
-
-    /// Whether the mode keeps light in cells of [`LightSettings::cell_mm`].
-    pub fn has_cells(&self) -> bool {
-        use LightingMode::{Cones, DynamicAmbient, ShadowVolume, SphericalHarmonics};
-        matches!(self.mode, Cones | ShadowVolume | SphericalHarmonics | DynamicAmbient)
-    }
-
     /// The quality of views at rest and of exported files: the preset, or the reference without one.
     pub fn at_rest(&self) -> Quality {
-        self.at(light::preset(self.mode, self.preset.unwrap_or(Preset::Reference)))
+        self.at(self.preset_at_rest())
+    }
+
+    fn preset_at_rest(&self) -> Quality {
+        light::preset(self.mode, self.preset.unwrap_or(Preset::Reference))
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use glioscope_render::Knob;
+
     use super::*;
 
     #[test]
@@ -141,5 +140,27 @@ mod tests {
         let near = at(Shading { vicinity_mm: Some(1.0), vicinity_samples: Some(9), ..Shading::default() });
         assert_eq!((near.lighting.vicinity_mm, near.lighting.vicinity_samples), (1.0, 9));
         assert_eq!((near.cost, plain.at_rest().cost.is_some()), (None, true));
+    }
+
+    /// What a knob says is drawn at rest; drafts stay as much coarser as they are, and modes without the knob as they were.
+    #[test]
+    fn knobs_are_of_the_picture_at_rest() {
+        let mut knobs = Knobs::default();
+        knobs.set(Knob::CellMm, 3.0);
+        knobs.set(Knob::SkyOrder, 1.0);
+        let shading = Shading { knobs, ..Shading::default() };
+        let mode = LightingMode::SphericalHarmonics;
+        let plain = LightChoice { mode, ..LightChoice::default() };
+        let set = LightChoice { shading, ..plain };
+        let draft = light::preset(mode, Preset::Draft);
+        let [at_rest, moving] = [set.at_rest(), set.at(draft)].map(|quality| quality.lighting);
+        assert_eq!((at_rest.cell_mm, at_rest.sky_order, moving.sky_order), (3.0, 1, 1));
+        let coarser = draft.lighting.cell_mm / plain.at_rest().lighting.cell_mm;
+        assert!(coarser > 1.5 && (moving.cell_mm / 3.0 - coarser).abs() < 1e-9, "{coarser} {moving:?}");
+        let elsewhere = LightChoice { mode: LightingMode::Slices, ..LightChoice::default() };
+        assert_eq!(LightChoice { shading, ..elsewhere }.at_rest(), elsewhere.at_rest());
+        let text = serde_json::to_string(&shading).unwrap();
+        assert!(text.contains(r#""knobs":{"cell_mm":3.0,"sky_order":1.0}"#), "{text}");
+        assert_eq!(serde_json::from_str::<Shading>(&text).unwrap(), shading);
     }
 }

@@ -260,7 +260,10 @@ fn check_shading(shading: &Shading) -> Checked {
     given("light shading relief", shading.relief, &SHARE)?;
     given("light shading vicinity_mm", shading.vicinity_mm, &(0.01..=1e3))?;
     let most = f64::from(LightSettings::MOST_VICINITY);
-    given("light shading vicinity_samples", shading.vicinity_samples.map(f64::from), &(1.0..=most))
+    given("light shading vicinity_samples", shading.vicinity_samples.map(f64::from), &(1.0..=most))?;
+    shading.knobs.given().try_for_each(|(knob, value)| {
+        number(&format!("light shading knobs {}", <&str>::from(knob)), value, &knob.row().limits)
+    })
 }
 
 fn check_lamp(name: &str, lamp: &Lamp) -> Checked {
@@ -285,6 +288,7 @@ fn check_light(own: &LightSettings) -> Checked {
     number("light own coarsest_level", own.coarsest_level, &(0.0..=16.0))?;
     number("light own cone_step", own.cone_step, &(0.01..=100.0))?;
     number("light own cell_mm", own.cell_mm, &(0.01..=1e3))?;
+    number("light own tissue_bleeding", own.tissue_bleeding, &SHARE)?;
     let most = f64::from(LightSettings::MOST_VICINITY);
     number("light own vicinity_samples", own.vicinity_samples, &(1.0..=most))?;
     number("light own vicinity_mm", own.vicinity_mm, &(0.01..=1e3))?;

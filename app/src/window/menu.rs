@@ -5,7 +5,7 @@ use egui::{
     containers::menu::{MenuConfig, SubMenuButton},
 };
 use glioscope_core::{files::format::volume_names, optics::Projection};
-use glioscope_render::{Lamp, LampFrame, LightSettings, light};
+use glioscope_render::{KnobRow, Lamp, LampFrame, LightSettings, Quality, light};
 
 use super::{
     about,
@@ -260,12 +260,8 @@ fn shading(ui: &mut Ui, choice: &LightChoice) -> Option<Shading> {
     let mut radius_mm = at_rest.occlusion_radius_mm;
     let tip = "How far surfaces darken each other";
     let radius = Slider::new(&mut radius_mm, 1.0..=30.0).suffix(" mm").fixed_decimals(1);
-    if slider(
-        ui,
-        choice.has_ambient_occlusion(),
-        radius.clamping(SliderClamping::Edits).text("Occlusion within"),
-        tip,
-    ) {
+    let radius = radius.clamping(SliderClamping::Edits).text("Occlusion within");
+    if choice.has_ambient_occlusion() && slider(ui, true, radius, tip) {
         new.occlusion_radius_mm = Some(radius_mm);
     }
     let mut percent = 100.0 * (1.0 - at_rest.occlusion_strength);
@@ -284,24 +280,39 @@ fn shading(ui: &mut Ui, choice: &LightChoice) -> Option<Shading> {
                read the voxels";
     ui.add_enabled(row.lights_smooth, egui::Checkbox::new(&mut new.smooth, "Smooth surface"))
         .on_hover_text(tip);
-    let has_vicinity = choice.has_vicinity();
-    let mut distance_mm = at_rest.lighting.vicinity_mm;
-    let tip = "Slices: distance up to which opaque surfaces darken their vicinity, and from which on they cast soft shadows";
-    let vicinity = Slider::new(&mut distance_mm, 0.5..=20.0).suffix(" mm").fixed_decimals(1);
-    if slider(ui, has_vicinity, vicinity.clamping(SliderClamping::Edits).text("Vicinity"), tip) {
-        new.vicinity_mm = Some(distance_mm);
+    for knob in row.knobs {
+        let KnobRow { label, tip, unit, range, decimals, .. } = knob.row();
+        let mut value = knob.of(&at_rest.lighting);
+        let knob_slider = Slider::new(&mut value, range).suffix(unit).fixed_decimals(decimals);
+        let knob_slider = knob_slider.step_by(if decimals == 0 { 1.0 } else { 0.0 });
+        if slider(ui, true, knob_slider.clamping(SliderClamping::Edits).text(label), tip) {
+            new.knobs.set(*knob, value);
+        }
     }
-    let mut samples = at_rest.lighting.vicinity_samples;
-    let tip = "Slices: points at which a surface looks for others in its vicinity";
-    let samples_slider = Slider::new(&mut samples, 1..=LightSettings::MOST_VICINITY);
-    if slider(ui, has_vicinity, samples_slider.text("Vicinity samples"), tip) {
-        new.vicinity_samples = Some(samples);
+    if choice.has_vicinity() {
+        vicinity(ui, &at_rest, &mut new);
     }
     let is_own = choice.shading != Shading::default();
     if ui.add_enabled(is_own, Button::new("Shading as the lighting mode has it")).clicked() {
         new = Shading::default();
     }
     (new != choice.shading).then_some(new)
+}
+
+/// Sliders of the vicinity occlusion of opaque surfaces.
+fn vicinity(ui: &mut Ui, at_rest: &Quality, new: &mut Shading) {
+    let mut distance_mm = at_rest.lighting.vicinity_mm;
+    let tip = "Slices: distance up to which opaque surfaces darken their vicinity, and from which on they cast soft shadows";
+    let vicinity = Slider::new(&mut distance_mm, 0.5..=20.0).suffix(" mm").fixed_decimals(1);
+    if slider(ui, true, vicinity.clamping(SliderClamping::Edits).text("Vicinity"), tip) {
+        new.vicinity_mm = Some(distance_mm);
+    }
+    let mut samples = at_rest.lighting.vicinity_samples;
+    let tip = "Slices: points at which a surface looks for others in its vicinity";
+    let samples_slider = Slider::new(&mut samples, 1..=LightSettings::MOST_VICINITY);
+    if slider(ui, true, samples_slider.text("Vicinity samples"), tip) {
+        new.vicinity_samples = Some(samples);
+    }
 }
 
 fn slider(ui: &mut Ui, enabled: bool, slider: Slider<'_>, tip: &str) -> bool {

@@ -196,9 +196,36 @@ impl Tables {
         }
     }
 
+    /// Encoded colour at a stored value and a gradient of stored values per mm, as looked up; black where nothing is visible.
+    pub fn color(&self, stored: f64, steepness: impl FnOnce() -> f64) -> [f64; 3] {
+        let (scale, offset) = self.color_place;
+        let (column, share) = between(self.columns, stored * scale + offset);
+        let mix = |a: [f64; 4], b: [f64; 4], share: f64| -> [f64; 4] {
+            std::array::from_fn(|c| a[c] + (b[c] - a[c]) * share)
+        };
+        let along = |first: usize| {
+            mix(self.colors[first].map(f64::from), self.colors[first + 1].map(f64::from), share)
+        };
+        if self.dimensions != Dimensions::Joint {
+            let [r, g, b, _] = along(column);
+            return [r, g, b];
+        }
+        let (scale, offset) = self.factor_place;
+        let (row, share) = between(self.rows, steepness() * scale + offset);
+        let [r, g, b, a] =
+            mix(along(row * self.columns + column), along((row + 1) * self.columns + column), share);
+        [r, g, b].map(|c| if a > 0.0 { c / a } else { 0.0 })
+    }
+
     /// Extinction per millimetre at a stored value and a gradient of stored values per mm.
     pub fn extinction(&self, stored: f64, steepness: f64) -> f64 {
         -(1.0 - self.opacity(stored, || steepness)).max(1e-30).ln()
+    }
+
+    /// Encoded colour at a voxel's centre, as in lib/image; black where the image is not finite.
+    pub fn color_at(&self, field: &Field, cell: [usize; 3]) -> [f64; 3] {
+        let own = field.values.get(field.grid.linear(cell)).copied().unwrap_or(NOT_FINITE);
+        if own <= NOT_FINITE { [0.0; 3] } else { self.color(f64::from(own), || field.steepness(cell)) }
     }
 
     /// Extinction per millimetre at a voxel's centre, as in lib/image; 0 where the image is not finite.

@@ -8,7 +8,7 @@ use glioscope_core::{RegionVolume, Selection, optics::Camera};
 use crate::{
     device::{Gpu, PassName, RenderError, runner::PassRunner},
     image::{ClipPlane, ContextVolume, TransferFunction, buffers::ImageBuffers},
-    scene::{LightingMode, Plan, Quality},
+    scene::{Knob, LightingMode, Plan, Quality},
 };
 
 /// The kind of scene that is lit.
@@ -177,6 +177,8 @@ pub(crate) struct Probe<'a> {
     pub eye: Option<&'a wgpu::Buffer>,
     /// The light grid of the image, and its uniform.
     pub grid: Option<[&'a wgpu::Buffer; 2]>,
+    /// Coloured light of the grid's cells, see lib/light_tints.
+    pub tints: Option<&'a wgpu::Buffer>,
     /// What the paths of each pixel found, see lib/path_state.
     pub pixels: Option<&'a wgpu::Buffer>,
 }
@@ -215,6 +217,8 @@ pub struct LightRow {
     pub has_aperture: bool,
     /// Whether [`crate::scene::LightSettings::lamp`] has an effect.
     pub has_lamp: bool,
+    /// Settings that menus show for it.
+    pub knobs: &'static [Knob],
     /// Whether the closeup's smooth surface can be lit: a mode that reads the voxels would show them on it.
     pub lights_smooth: bool,
     /// Whether light past masks is traced through them, so that layers of light count tubes and arrows alone.

@@ -3,6 +3,7 @@
 
 pub mod color_map;
 pub(crate) mod keywords;
+pub mod knobs;
 pub mod lens;
 pub mod palette;
 pub mod plan;
@@ -13,6 +14,7 @@ pub mod regions;
 use std::sync::Arc;
 
 pub use color_map::ColorMap;
+pub use knobs::{Knob, KnobRow, Knobs};
 pub use lens::Lens;
 pub use palette::{Coloring, MaskColors, Palette, Rgb, agreement_color};
 pub use plan::Plan;

@@ -248,6 +248,9 @@ pub struct LightSettings {
     /// Dynamic ambient occlusion: clusters of surroundings, 1 to [`LightSettings::MOST_CLUSTERS`].
     #[serde(default = "default_clusters")]
     pub clusters: u32,
+    /// Dynamic ambient occlusion and spherical harmonics: how much of its colour tissue gives to what it darkens, 0 (none) to 1.
+    #[serde(default)]
+    pub tissue_bleeding: f64,
     /// Paths of light.
     #[serde(default)]
     pub paths: PathSettings,
@@ -312,6 +315,7 @@ impl LightSettings {
         sky_directions: 64,
         sky_share: 0.25,
         clusters: 128,
+        tissue_bleeding: 0.0,
         paths: PathSettings::DEFAULT,
         mutual: MutualOcclusion::ALL,
     };

@@ -32,6 +32,10 @@ fn is_hidden(c: vec3<f32>) -> bool {
     return inside & (depths[there] < c.z - cones.voxel_mm);
 }
 
+fn colored_extinction_at(p: vec3<f32>, level: f32) -> vec4<f32> {
+    return vec4<f32>(0.0);
+}
+
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     zero = id.x >> 31u;

@@ -37,6 +37,10 @@ fn near_extinction(p: vec3<f32>) -> f32 {
     return select(0.0, cones.dark, is_shown(number_at(cell, brick_of(cell))));
 }
 
+fn colored_extinction_at(p: vec3<f32>, level: f32) -> vec4<f32> {
+    return vec4<f32>(0.0);
+}
+
 // Voxel traversal up to the first shown voxel.
 fn exact_ray(c: vec3<f32>, w: vec3<f32>) -> vec2<f32> {
     let ray = ray_from(index_of(c), w.x * cones.right + w.y * cones.up + w.z * cones.forward);

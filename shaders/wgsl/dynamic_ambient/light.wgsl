@@ -3,7 +3,7 @@
 #include lib/light_grid
 
 @group(0) @binding(30) var<storage, read> cluster_of: array<u32>;
-@group(0) @binding(33) var<storage, read> of_cluster: array<f32>;
+@group(0) @binding(33) var<storage, read> of_cluster: array<vec4<f32>>;  // colours, share that nothing hides
 @group(0) @binding(37) var<storage, read_write> light_grid: array<vec2<f32>>;
 
 @compute @workgroup_size(64)
@@ -13,5 +13,5 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     if cell >= grid.needed {
         return;
     }
-    light_grid[cell] = vec2<f32>(of_cluster[cluster_of[cell]]);
+    light_grid[cell] = vec2<f32>(of_cluster[cluster_of[cell]].w);
 }

@@ -1,5 +1,5 @@
 // How visible the surroundings of a cell are from it, projected to spherical harmonics (thesis 3.3.3): sub-cones in directions all
-// around, through prefiltered extinction. One thread per cell that a frame can look up; a part of the cells and of the directions
+// around, through prefiltered extinction; on request the colours of what takes light away, too. One thread per cell that a frame can look up; a part of the cells and of the directions
 // per dispatch.
 #include lib/view
 #include lib/march
@@ -7,6 +7,8 @@
 #include lib/image
 #include lib/cones
 #include lib/image_cones
+#include lib/linear
+#include lib/cone_colors
 #include lib/light_grid
 #include lib/light_cell
 
@@ -46,7 +48,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         return;
     }
     let c = cell_middle(needed[number]);
-    let sets = select(1u, 2u, with_masks);
+    let colors = select(1u, 2u, with_masks);
+    let sets = colors + select(0u, 3u, gathers_color);
     let start = number * sets * part.functions;
     // The first dispatch finds what an earlier projection left.
     let keeps = select(0.0, 1.0, part.direction > 0u);
@@ -60,12 +63,24 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         for (var k = 0u; k < varied(part.functions); k++) {
             projected[start + k] += seen * basis_at(values + k);
         }
+        var color = gathered;
         if with_masks {
             let direction = part.direction + i;
             let word = open[number * 4u + direction / 32u];
-            let past = select(0.0, seen, ((word >> (direction % 32u)) & 1u) != 0u);
+            let is_open = ((word >> (direction % 32u)) & 1u) != 0u;
+            let past = select(0.0, seen, is_open);
+            color = select(vec3<f32>(0.0), color, is_open);
             for (var k = 0u; k < varied(part.functions); k++) {
                 projected[start + part.functions + k] += past * basis_at(values + k);
+            }
+        }
+        if gathers_color {
+            for (var k = 0u; k < varied(part.functions); k++) {
+                let of_color = color * basis_at(values + k);
+                let at = start + colors * part.functions + k;
+                projected[at] += of_color.r;
+                projected[at + part.functions] += of_color.g;
+                projected[at + 2u * part.functions] += of_color.b;
             }
         }
     }

@@ -6,7 +6,8 @@
 // - `near_extinction(p)`: unfiltered extinction per millimetre at p;
 // - `kept_span(c, w)`: interval in millimetres along direction w from c that no clipping plane cuts away;
 // - `is_kept(c)`: whether the medium exists at c;
-// - `is_hidden(c)`: whether c counts as inside opaque geometry.
+// - `is_hidden(c)`: whether c counts as inside opaque geometry;
+// - `colored_extinction_at(p, level)`: colour times extinction, and extinction, if it gathers colours.
 // Points p are in the medium's index space, voxel (i, j, k) filling [i, i+1) and so on; points c in camera space.
 
 struct Level {
@@ -29,7 +30,7 @@ struct Cones {
     count: u32,                     // sub-cones
     dark: f32,                      // upper bound of the extinction, per millimetre
     rounds: u32,                    // most steps of a sub-cone
-    unused_a: u32,
+    colors: u32,                    // where colours begin in `prefiltered`, three for each cell
     unused_b: u32,
     levels: array<Level, 16>,
     // Unit: right and up perpendicular to the line of sight, and towards the eye; to a lamp in camera space.
@@ -45,6 +46,9 @@ const LAST_LEVEL = 15u;
 
 // Whether sub-cones are exact voxel traversals (`exact_ray` of the including file), for label maps.
 override exact: bool = false;
+// Whether sub-cones gather the colours of what takes light away.
+override gathers_color: bool = false;
+var<private> gathered: vec3<f32>;
 // Whether the cone is around the direction to a lamp far away.
 override towards_lamp: bool = false;
 
@@ -104,6 +108,7 @@ fn sub_cone(c: vec3<f32>, w: vec3<f32>) -> vec2<f32> {
     var t = max(max(begins.x, max(begins.y, begins.z)), 0.0);
     var thickness = 0.0;
     var open = 1.0;
+    var color = vec3<f32>(0.0);
     // No cone needs more rounds: a guard against invalid numbers. No branches in here: Mesa's software
     // driver executes both sides anyway.
     for (var round = 0u; (round < cones.rounds) & (t < far) & (thickness < ENOUGH); round++) {
@@ -112,12 +117,20 @@ fn sub_cone(c: vec3<f32>, w: vec3<f32>) -> vec2<f32> {
         let middle = t + 0.5 * step;
         let place = c + middle * w;
         let middle_width = clamp(2.0 * middle * cones.tangent, cones.voxel_mm, widest);
-        let extinction = extinction_at(o + middle * d, log2(middle_width / cones.voxel_mm));
+        let level = log2(middle_width / cones.voxel_mm);
         let counts = (middle >= kept.x) & (middle <= kept.y) & is_kept(place);
-        thickness += select(0.0, extinction * step, counts);
+        if gathers_color {
+            let look = colored_extinction_at(o + middle * d, level);
+            let taken = exp(-thickness) * (1.0 - exp(-select(0.0, look.w * step, counts)));
+            color += taken * look.rgb / max(look.w, 1e-30);
+            thickness += select(0.0, look.w * step, counts);
+        } else {
+            thickness += select(0.0, extinction_at(o + middle * d, level) * step, counts);
+        }
         open = select(open, 0.0, is_hidden(place));
         t = select(far, t + step, t + step > t);
     }
+    gathered = color;
     return exp(-thickness) * vec2<f32>(1.0, open);
 }
 

@@ -5,7 +5,7 @@ struct Slices {
     slice_mm: f32,
     flags: u32,
     strength: f32,                  // darkness of unlit places, 0 to 1
-    pad: u32,
+    lag_px: f32,                    // behind an opaque surface, where it hides a lamp behind the scene
     decay: array<vec4<f32>, 257>,   // see lib/decay
 }
 
@@ -53,6 +53,8 @@ override solid_lets_through: bool = false;
 override solid_on_solid: bool = false;
 // Whether light comes from a lamp: footprints are ellipses, and light doesn't pass slices along the line of sight.
 override towards_lamp: bool = false;
+// Whether that is behind the scene: steps are in order from back to front.
+override from_behind: bool = false;
 // Whether eye rays pass opaque geometry that covers its pixel in part: they then end at depths of their own,
 // stored behind the others in `depths`.
 override ends_apart: bool = false;
@@ -137,6 +139,11 @@ fn light_at(at: vec2<f32>) -> vec2<f32> {
     let top = a + (texel(i + vec2<i32>(1, 0)) - a) * f.x;
     let bottom = b + (texel(i + vec2<i32>(1, 1)) - b) * f.x;
     return top + (bottom - top) * f.y;
+}
+
+// A slice of the step by its number in the light's order: its front.
+fn front_of(number: u32) -> f32 {
+    return parts[zero].depth + f32(select(number, parts[zero].slices - 1u - number, from_behind)) * slices.slice_mm;
 }
 
 // Where the light of a lamp crosses the slice before, in pixels from the frame's corner.

@@ -6,6 +6,30 @@
 #include lib/image
 #include lib/slices
 
+// Depth where half of what lies behind is hidden, by the slices from front to back: steps from behind don't know it before
+// the end.
+fn half_hidden_at(at: u32, p: vec2<f32>, range: vec2<f32>) -> f32 {
+    let line = image_line(p);
+    let slant = length(vec3<f32>(p * view.mm_per_pixel_per_mm, 1.0));
+    var last = FAR;
+    if with_solid {
+        last = depths[at + select(0u, view.size.x * view.size.y, ends_apart)];
+    }
+    var through = 1.0;
+    var found = FAR;
+    for (var i = 0u; i < parts[zero].slices; i++) {
+        let front = parts[zero].depth + f32(i) * slices.slice_mm;
+        let span = vec2<f32>(max(front, range.x), min(front + slices.slice_mm, range.y));
+        let place = place_of(line[0] + 0.5 * (span.x + span.y) * line[1]);
+        if (span.x < min(span.y, last)) & shows_anything(place) {
+            let behind = through * exp(-extinction_of(material_of(place)) * slant * (min(span.y, last) - span.x));
+            found = select(found, front + 0.5 * slices.slice_mm, (through > 0.5) & (behind <= 0.5));
+            through = behind;
+        }
+    }
+    return found;
+}
+
 @compute @workgroup_size(8, 8)
 fn main(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invocation_id) thread: vec3<u32>) {
     zero = thread.x >> 31u;
@@ -23,7 +47,11 @@ fn main(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invocation_i
             lights[place + 1u] = 1.0;
         }
     }
-    let ray = image_ray(from_middle(id), FAR);
+    let p = from_middle(id);
+    let ray = image_ray(p, FAR);
+    if from_behind {
+        notes[at].y = half_hidden_at(at, p, vec2<f32>(ray.near, ray.far));
+    }
     lights[range_place(at)] = ray.near;
     lights[range_place(at) + 1u] = ray.far;
 }

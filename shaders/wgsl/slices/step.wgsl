@@ -37,6 +37,56 @@ fn shades() -> bool {
     return (slices.flags & VOLUME_ON_VOLUME) != 0u;
 }
 
+// Whether a pixel's opaque surface lies in the slice.
+fn meets_solid(pixel: Pixel, front: f32) -> bool {
+    return with_solid && (pixel.solid >= front) & (pixel.solid < front + slices.slice_mm);
+}
+
+// Light to the eye from a slice that light crosses towards the eye, `seen` being its optical thickness along the eye's ray:
+// both fade exponentially.
+fn scattered_onwards(before: f32, after: f32, seen: f32) -> f32 {
+    let faded = log(max(before, 1e-30) / max(after, 1e-30));
+    let differ = abs(seen - faded);
+    return before * seen * exp(-min(seen, faded)) * select(1.0, absorbed(differ) / differ, differ > 1e-6);
+}
+
+// As `mended`, from back to front. A surface hides light from the image where it is met, and from surfaces all that is
+// behind it: so those that face away from the lamp are dark.
+fn mended_from_behind(pixel: Pixel, front: f32, span: vec2<f32>, material: vec4<f32>) {
+    let extinction = extinction_of(material);
+    let end = max(span.y, span.x);
+    let until = clamp(pixel.solid, span.x, end);
+    var ends = until;
+    if ends_apart {
+        ends = clamp(pixel.last, until, end);
+    }
+    let whole = extinction * (end - span.x);
+    let seen = extinction * pixel.slant * (ends - span.x);
+    let through = select(light, vec2<f32>(through_slice(light.x, whole).y, through_slice(light.y, whole).y), whole > 0.0);
+    let meets = meets_solid(pixel, front);
+    let of_image = select(light.y, 0.0, meets && !solid_lets_through);
+    let gathered = scattered_onwards(of_image, select(of_image, min(through.y, of_image), shades()), seen);
+    let kept = exp(-seen);
+    state = vec4<f32>(
+        state.rgb * kept + decoded(material.rgb) * mix(absorbed(seen), gathered, slices.strength), state.a * kept);
+    if with_solid {
+        let share = select(1.0, extinction * (end - until) / whole, whole > 0.0);
+        let at_solid = light.x * pow(max(through.x, 1e-30) / max(light.x, 1e-30), share);
+        note.x = select(select(note.x, at_solid, meets), through.x, pixel.solid < front);
+    }
+    light = vec2<f32>(through.x, select(light.y, through.y, shades()));
+}
+
+// What opaque surfaces take from the light that comes from behind, in a slice.
+fn behind_solid(pixel: Pixel, front: f32) {
+    if with_solid && !solid_lets_through {
+        light.y = select(light.y, 0.0, meets_solid(pixel, front));
+    }
+    if with_solid && solid_on_solid {
+        light.x = select(light.x, 0.0, front > pixel.solid + slices.lag_px * footprint_mm(pixel.solid));
+    }
+}
+
 fn mended(pixel: Pixel, front: f32, span: vec2<f32>, material: vec4<f32>) {
     // A lamp's light crosses slices on ways of its own, which its decay knows.
     let extinction = extinction_of(material) * select(pixel.slant, 1.0, towards_lamp);
@@ -84,21 +134,23 @@ fn mended(pixel: Pixel, front: f32, span: vec2<f32>, material: vec4<f32>) {
 fn as_the_paper(id: vec2<u32>, pixel: Pixel, front: f32, span: vec2<f32>, material: vec4<f32>) {
     let extinction = extinction_of(material);
     let casts = !solid_lets_through;
-    let hides = with_solid && pixel.solid < front + slices.slice_mm;
-    let meets = hides && pixel.solid >= front;
+    let meets = meets_solid(pixel, front);
+    let hides = with_solid && select(pixel.solid < front + slices.slice_mm, meets, from_behind);
     let sampled = min(span.y - span.x, pixel.last - front);
     let alpha = select(absorbed(extinction * sampled), 0.0, sampled <= 0.0);
+    let own = decoded(material.rgb) * (mix(1.0, light.y, slices.strength) * alpha);
     state = vec4<f32>(
-        state.rgb + decoded(material.rgb) * (mix(1.0, light.y, slices.strength) * alpha * state.a), state.a * (1.0 - alpha));
+        select(state.rgb + own * state.a, state.rgb * (1.0 - alpha) + own, from_behind), state.a * (1.0 - alpha));
     let of_solid = select(extinction, SOLID, hides && casts);
     let of_both = select(select(0.0, SOLID, hides && casts), of_solid, shades());
     let after = disc(id, vec2<f32>(extinction, of_both));
-    if !hides {
+    let share = (pixel.solid - front) / slices.slice_mm;
+    if meets {
+        note.x = mix(light.x, after.x, select(share, 1.0 - share, from_behind));
+    } else if select(!hides, pixel.solid < front, from_behind) {
         note.x = after.x;
-    } else if meets {
-        note.x = mix(light.x, after.x, (pixel.solid - front) / slices.slice_mm);
     }
-    light = vec2<f32>(select(after.x, 0.0, hides && solid_on_solid), after.y);
+    light = vec2<f32>(select(after.x, 0.0, hides && solid_on_solid && !from_behind), after.y);
 }
 
 fn load(at: u32) {
@@ -107,7 +159,7 @@ fn load(at: u32) {
 }
 
 fn store(at: u32, before: f32) {
-    if before > 0.5 && state.a <= 0.5 {
+    if !from_behind && before > 0.5 && state.a <= 0.5 {
         note.y = parts[zero].depth + 0.5 * f32(parts[zero].slices) * slices.slice_mm;
     }
     eye[at] = state;
@@ -154,26 +206,39 @@ fn main(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invocation_i
         if shows | (with_solid & (((solid >= front) & (solid < back)) | (parts[zero].is_last == 1u))) {
             load(at);
             let before = state.a;
-            mended(pixel, front, span, select(vec4<f32>(0.0), material_of(place), shows));
+            let material = select(vec4<f32>(0.0), material_of(place), shows);
+            if from_behind {
+                mended_from_behind(pixel, front, span, material);
+            } else {
+                mended(pixel, front, span, material);
+            }
             store(at, before);
-        } else if with_solid && !solid_lets_through {
+        } else if with_solid && !solid_lets_through && !from_behind {
             light.y = select(light.y, 0.0, solid < back);
+        }
+        if from_behind {
+            behind_solid(pixel, front);
         }
     } else {
         load(at);
         let before = state.a;
         for (var i = 0u; i < parts[zero].slices; i++) {
-            let front = parts[zero].depth + f32(i) * slices.slice_mm;
+            let front = front_of(i);
             let span = span_of(pixel, front);
             let place = place_in(pixel, span);
             var material = vec4<f32>(0.0);
             if (span.x < span.y) & shows_anything(place) {
                 material = material_of(place);
             }
-            if variant == MENDED {
+            if variant == MENDED && from_behind {
+                mended_from_behind(pixel, front, span, material);
+            } else if variant == MENDED {
                 mended(pixel, front, span, material);
             } else {
                 as_the_paper(id, pixel, front, span, material);
+            }
+            if from_behind {
+                behind_solid(pixel, front);
             }
         }
         store(at, before);

@@ -12,11 +12,12 @@ use glioscope::{
     window::GlioscopeApp,
 };
 use glioscope_core::optics::Camera;
-use glioscope_render::{Lamp, LampFrame, LightingMode, Preset, Quality, light as lights};
+use glioscope_render::{Knob, Lamp, LampFrame, LightingMode, Preset, Quality, light as lights};
 use glioscope_tests::{
     MASK_COLORS, Window, count_color, drafting_window_on, issue, maximized, pane_picture, perform,
     wait_for_workers, window_on,
 };
+use strum::VariantArray;
 
 fn light(harness: &Harness<'_, GlioscopeApp>) -> LightChoice {
     harness.state().work.doc.as_ref().unwrap().edit.light
@@ -149,6 +150,37 @@ fn shading_is_set_in_the_menu_and_put_back() {
     let flat = pane_picture(&mut harness, PaneId::Closeup);
     let pure = |picture: &_| count_color(picture, MASK_COLORS[0], 2);
     assert!(pure(&flat) > 1000 + pure(&before), "{} of {}", pure(&before), pure(&flat));
+}
+
+/// Sliders of settings that only some modes have: those of the chosen one, from the table of lights; put back with the rest.
+#[test]
+fn the_menu_has_the_settings_of_the_chosen_mode() {
+    let mut harness = window_on(CaseRef::Sample, [1000.0, 800.0], Theme::Light);
+    perform(&mut harness, EditCommand::SetPreset(Some(Preset::Draft)));
+    maximized(&mut harness, PaneId::Axial);
+    harness.get_by_label("View").click();
+    harness.run_ok();
+    harness.get_by_label_contains("Light and quality").click();
+    harness.run_ok();
+    for row in &lights::LIGHTS {
+        perform(&mut harness, EditCommand::SetLightingMode(row.mode));
+        for &knob in Knob::VARIANTS {
+            let found = harness.query_by_role_and_label(Role::Slider, knob.row().label);
+            assert_eq!(found.is_some(), row.knobs.contains(&knob), "{:?} {knob:?}", row.mode);
+        }
+        let Some(&knob) = row.knobs.first() else { continue };
+        let before = light(&harness).at_rest().lighting;
+        harness.get_by_role_and_label(Role::Slider, knob.row().label).focus();
+        harness.run_ok();
+        harness.key_press(Key::ArrowRight);
+        harness.run_ok();
+        let after = light(&harness).at_rest().lighting;
+        assert!(knob.of(&after) > knob.of(&before), "{:?} {knob:?}: {after:?}", row.mode);
+    }
+    assert!(light(&harness).shading.knobs.given().count() > 3);
+    harness.get_by_label("Shading as the lighting mode has it").click();
+    harness.run_ok();
+    assert_eq!(light(&harness).shading, Shading::default());
 }
 
 fn context<'a>(harness: &'a Harness<'_, GlioscopeApp>) -> &'a ContextPane {

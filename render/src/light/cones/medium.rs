@@ -1,7 +1,10 @@
 //! A medium on the device: its extinction, prefiltered for sub-cones.
 
 use glam::DVec3;
-use glioscope_core::{Grid, optics::Camera};
+use glioscope_core::{
+    Grid,
+    optics::{Camera, srgb},
+};
 
 use super::{
     super::half_angle::plan::turned,
@@ -31,19 +34,26 @@ fn lamp(camera: &Camera, settings: &LightSettings) -> Option<DVec3> {
 /// Prefiltered extinction on the device.
 pub(crate) struct Medium {
     pub grid: Grid,
+    /// Extinctions; behind them colours, if there are any.
     pub cells: wgpu::Buffer,
+    /// Where colours begin; `None` where they weren't asked for.
+    pub colors: Option<u32>,
     levels: [Level; LEVELS],
     count: usize,
 }
 
 impl Medium {
-    /// `extinction` is that of a voxel, per millimetre.
-    pub fn new(
+    /// `extinction` is that of a voxel, per millimetre; `color` its linear colour, if colours are asked for.
+    ///
+    /// # Errors
+    /// [`RenderError`]: it doesn't fit.
+    pub fn new<C: Fn([usize; 3]) -> DVec3 + Sync>(
         gpu: &Gpu,
         grid: &Grid,
         extinction: impl Fn([usize; 3]) -> f64 + Sync,
+        color: Option<C>,
     ) -> Result<Self, RenderError> {
-        let coarser = pyramid::levels(grid.dims(), grid.spacing_mm(), extinction);
+        let coarser = pyramid::levels(grid.dims(), grid.spacing_mm(), &extinction);
         let mut levels = [Level::default(); LEVELS];
         let mut cells: Vec<f32> = Vec::new();
         let count = (coarser.len() + 1).min(LEVELS);
@@ -61,9 +71,18 @@ impl Medium {
             cells.push(0.0);
         }
         gpu.check_size("prefiltered extinction", 4 * cells.len() as u64)?;
+        let colors = color.is_some().then_some(cells.len() as u32);
+        if let Some(color) = color {
+            gpu.check_size("prefiltered colours", 16 * cells.len() as u64)?;
+            let of_levels = coarser.get(..count - 1).unwrap_or_default();
+            let all = pyramid::colors(grid.dims(), of_levels, &extinction, color);
+            cells.extend(all.iter().flatten().flat_map(|color| color.as_vec3().to_array()));
+            // A volume of one voxel has no levels.
+            cells.resize(cells.len().max(4), 0.0);
+        }
         let cells = gpu.storage("Medium::cells", bytemuck::cast_slice(&cells));
         gpu.check()?;
-        Ok(Self { grid: grid.clone(), cells, levels, count })
+        Ok(Self { grid: grid.clone(), cells, colors, levels, count })
     }
 
     /// The uniform of light from a cone about the direction to the eye, or to the lamp, and notes on changed settings.
@@ -131,7 +150,7 @@ impl Medium {
             count: settings.sub_cones,
             dark: (OPAQUE_THICKNESS / voxel_mm) as f32,
             rounds: rounds + 2,
-            unused_a: 0,
+            colors: self.colors.unwrap_or(0),
             unused_b: 0,
             levels: self.levels,
             axes: to,
@@ -140,7 +159,10 @@ impl Medium {
     }
 }
 
-/// The extinction of an image by its transfer function.
+/// Extinction alone.
+pub(crate) const NO_COLOR: Option<fn([usize; 3]) -> DVec3> = None;
+
+/// The extinction of an image by its transfer function, and its colours if `colored`.
 ///
 /// # Errors
 /// [`RenderError`]: it doesn't fit.
@@ -148,11 +170,13 @@ pub(crate) fn image_medium(
     gpu: &Gpu,
     buffers: &ImageBuffers,
     volume: &ContextVolume,
+    colored: bool,
 ) -> Result<Medium, RenderError> {
     let limit = gpu.storage_limit();
     let Some(field) = Field::fitting(volume, limit) else {
         return Err(RenderError::Volume { found: volume.grid().voxel_count() as u64 * 4, limit });
     };
     let tables = buffers.tables();
-    Medium::new(gpu, &field.grid, |cell| tables.extinction_at(&field, cell))
+    let color = |cell| DVec3::from_array(tables.color_at(&field, cell).map(srgb::decode));
+    Medium::new(gpu, &field.grid, |cell| tables.extinction_at(&field, cell), colored.then_some(color))
 }

@@ -24,7 +24,7 @@ use glioscope_core::{Grid, RegionVolume, Selection};
 
 use self::{
     grid::Cells,
-    medium::{Medium, OPAQUE_THICKNESS, image_medium},
+    medium::{Medium, NO_COLOR, OPAQUE_THICKNESS, image_medium},
     uniforms::{Cones, LightGrid, LightPart},
 };
 use super::{
@@ -40,7 +40,7 @@ use crate::{
         runner::{Dispatch, PassRunner, Shader, workgroups_of},
     },
     image::{ContextVolume, TransferFunction, tables::Dimensions, volume::BRICK},
-    scene::{LightSettings, LightingMode, Plan, Quality, same},
+    scene::{Knob, LightSettings, LightingMode, Plan, Quality, same},
     solid::view::{HAS_OCCLUSION, LINEAR_LIGHT},
 };
 
@@ -57,6 +57,7 @@ pub(super) const ROW: LightRow = LightRow {
     takes_long: true,
     has_aperture: true,
     has_lamp: false,
+    knobs: &[Knob::SubCones, Knob::CellMm],
     traces_masks: true,
     lights_smooth: false,
     most_cost: 16.0,
@@ -311,7 +312,7 @@ impl ConeLight {
             cached => {
                 let medium = match cached {
                     Some(light) => light.medium,
-                    None => image_medium(gpu, buffers, volume)?,
+                    None => image_medium(gpu, buffers, volume, false)?,
                 };
                 let cells = Cells::new(&medium.grid, settings.cell_mm);
                 let shape = buffers.shape();
@@ -446,13 +447,14 @@ fn mask_medium(gpu: &Gpu, scene: &LitScene<'_>) -> Result<Medium, RenderError> {
     let Some(tumor) = scene.tumor else {
         let grid = Grid::axis_aligned([1; 3], DVec3::ONE, scene.camera.focus_mm)
             .map_err(|e| RenderError::Scene(e.to_string()))?;
-        return Medium::new(gpu, &grid, |_| 0.0);
+        return Medium::new(gpu, &grid, |_| 0.0, NO_COLOR);
     };
     let grid = tumor.grid();
     let shown: Vec<bool> = tumor.bits_of_id().iter().map(|&bits| scene.selection.shows(bits)).collect();
     let opaque_per_mm = OPAQUE_THICKNESS / grid.spacing_mm().min_element();
-    Medium::new(gpu, grid, |cell| {
+    let extinction = |cell| {
         let id = tumor.id(grid.linear(cell)) as usize;
         if shown.get(id).copied().unwrap_or(false) { opaque_per_mm } else { 0.0 }
-    })
+    };
+    Medium::new(gpu, grid, extinction, NO_COLOR)
 }

@@ -34,6 +34,53 @@ pub(crate) fn levels(
     std::iter::successors(first, |level| level.halved(spacing_mm)).collect()
 }
 
+/// The colours of all levels' cells, in linear light: the mean of what each holds, by its extinction; black where that is 0.
+/// `extinction` and `color` give those of a voxel, the first as [`levels`] had it.
+pub(crate) fn colors(
+    dims: [usize; 3],
+    levels: &[Level],
+    extinction: impl Fn([usize; 3]) -> f64 + Sync,
+    color: impl Fn([usize; 3]) -> DVec3 + Sync,
+) -> Vec<Vec<DVec3>> {
+    let mut out: Vec<Vec<DVec3>> = Vec::new();
+    let (mut from, mut voxels) = (dims, [1; 3]);
+    for level in levels {
+        let below = out.last().zip(levels.get(out.len().wrapping_sub(1)));
+        let [x, y, _] = from;
+        let look = |cell: [usize; 3]| match below {
+            None => {
+                let per_mm = extinction(cell);
+                (per_mm, if per_mm > 0.0 { color(cell) } else { DVec3::ZERO })
+            }
+            Some((colors, level)) => {
+                let at = (cell[2] * y + cell[1]) * x + cell[0];
+                let per_mm = level.extinction.get(at).copied().map_or(0.0, f64::from);
+                (per_mm, colors.get(at).copied().unwrap_or_default())
+            }
+        };
+        let joins: [bool; 3] = std::array::from_fn(|a| level.voxels[a] != voxels[a]);
+        let mean = |l: usize| {
+            let to = ijk(level.dims, l);
+            let (mut sum, mut all) = (DVec3::ZERO, 0.0);
+            for i in 0..8usize {
+                let shift = [i & 1, i >> 1 & 1, i >> 2];
+                let cell: [usize; 3] =
+                    std::array::from_fn(|a| if joins[a] { 2 * to[a] + shift[a] } else { to[a] });
+                if (0..3).all(|a| cell[a] < from[a] && (joins[a] || shift[a] == 0)) {
+                    let (per_mm, color) = look(cell);
+                    sum += color * per_mm;
+                    all += per_mm;
+                }
+            }
+            if all > 0.0 { sum / all } else { DVec3::ZERO }
+        };
+        let found = (0..level.extinction.len()).into_par_iter().map(mean).collect();
+        out.push(found);
+        (from, voxels) = (level.dims, level.voxels);
+    }
+    out
+}
+
 impl Level {
     fn halved(&self, spacing_mm: DVec3) -> Option<Self> {
         let shape = Shape { dims: self.dims, voxels: self.voxels, cell_mm: self.cell_mm };

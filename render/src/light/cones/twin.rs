@@ -3,7 +3,7 @@
 //! itself and without bricks.
 
 use glam::{DMat3, DVec3};
-use glioscope_core::optics::Sight;
+use glioscope_core::optics::{Sight, srgb};
 
 use super::{
     pyramid::{self, Level},
@@ -31,6 +31,8 @@ pub struct Light {
     pub image_only: f64,
     /// Share that both image and opaque surfaces transmit.
     pub with_opaque: f64,
+    /// Colour of what takes light away along a sub-cone, linear, by how much each takes.
+    pub color: DVec3,
     /// Whether rounding may decide what was clipped or hidden.
     pub is_ambiguous: bool,
 }
@@ -45,6 +47,7 @@ pub struct ConeTwin<'a> {
     /// Towards a lamp: sub-cones in world space.
     to_lamp: Option<Vec<DVec3>>,
     levels: Vec<Level>,
+    colors: Vec<Vec<DVec3>>,
     voxel_from_world: glam::DAffine3,
     voxel_from_mm: DMat3,
     dims: DVec3,
@@ -81,12 +84,26 @@ impl<'a> ConeTwin<'a> {
                 let towards = world.transpose() * lighting.lamp.direction(&scene.camera);
                 sub_cones_about(towards, &settings).into_iter().map(|w| world * w).collect()
             }),
+            colors: Vec::new(),
             levels,
             voxel_from_world: grid.voxel_from_world(),
             voxel_from_mm: grid.world_from_voxel().matrix3.inverse(),
             dims: DVec3::from_array(grid.dims().map(|d| d as f64)),
             voxel_mm: grid.spacing_mm().min_element(),
         })
+    }
+
+    /// The same, which gathers colours.
+    pub fn with_colors(mut self) -> Self {
+        let scene = self.scene;
+        let at = |cell: [usize; 3]| sample(scene, DVec3::from_array(cell.map(|c| c as f64)));
+        self.colors = pyramid::colors(
+            self.dims.to_array().map(|d| d as usize),
+            &self.levels,
+            |cell| -(1.0 - at(cell).1).max(1e-30).ln(),
+            |cell| DVec3::from_array(at(cell).0.map(srgb::decode)),
+        );
+        self
     }
 
     /// At a point in the world, millimetres.
@@ -97,7 +114,7 @@ impl<'a> ConeTwin<'a> {
         let u = u / u.length();
         // The device's axes are right, up and away from the eye, a left-handed frame: its cross product.
         let v = u.cross(axis);
-        let mut out = Light { image_only: 0.0, with_opaque: 0.0, is_ambiguous: false };
+        let mut out = Light { image_only: 0.0, with_opaque: 0.0, color: DVec3::ZERO, is_ambiguous: false };
         let to_eye = || self.axes.iter().map(|a| u * a[0] + v * a[1] + axis * a[2]).collect();
         for w in self.to_lamp.clone().unwrap_or_else(to_eye) {
             let one = self.sub_cone(at_mm, w);
@@ -122,6 +139,31 @@ impl<'a> ConeTwin<'a> {
         of(low as usize) * (1.0 - share) + if share > 0.0 { of(low as usize + 1) * share } else { 0.0 }
     }
 
+    /// Mean linear colour by extinction.
+    fn color(&self, index: DVec3, level: f64) -> DVec3 {
+        let of = |n: usize| match n.checked_sub(1) {
+            None => {
+                let (color, per_mm) = sample(self.scene, index - 0.5);
+                let extinction = -(1.0 - per_mm).max(1e-30).ln();
+                let extinction = extinction.min(OPAQUE_THICKNESS / self.voxel_mm);
+                (DVec3::from_array(color.map(srgb::decode)) * extinction, extinction)
+            }
+            Some(n) => {
+                let Some((level, colors)) = self.levels.get(n).zip(self.colors.get(n)) else {
+                    return (DVec3::ZERO, 0.0);
+                };
+                corners(level, index).fold((DVec3::ZERO, 0.0), |(sum, all), (cell, weight)| {
+                    let extinction = weight * f64::from(level.extinction[cell]);
+                    (sum + colors[cell] * extinction, all + extinction)
+                })
+            }
+        };
+        let (low, share) = (level.floor(), level - level.floor());
+        let (a, b) = (of(low as usize), of(low as usize + 1));
+        let all = a.1 * (1.0 - share) + b.1 * share;
+        (a.0 * (1.0 - share) + b.0 * share) / all.max(1e-30)
+    }
+
     fn sub_cone(&self, at_mm: DVec3, w: DVec3) -> Light {
         let o = self.voxel_from_world.transform_point3(at_mm) + 0.5;
         let d = self.voxel_from_mm * w;
@@ -143,7 +185,7 @@ impl<'a> ConeTwin<'a> {
         let tangent = self.settings.sub_tangent();
         let widest = self.voxel_mm * f64::from(self.settings.coarsest_level).exp2();
         let mut thickness = 0.0;
-        let mut out = Light { image_only: 1.0, with_opaque: 1.0, is_ambiguous: false };
+        let mut out = Light { image_only: 1.0, with_opaque: 1.0, color: DVec3::ZERO, is_ambiguous: false };
         while t < far && thickness < END_THICKNESS {
             let width = (2.0 * t * tangent).clamp(self.voxel_mm, widest);
             let step = (self.settings.cone_step * width).min(far - t);
@@ -154,7 +196,13 @@ impl<'a> ConeTwin<'a> {
             let (hidden, ambiguous_hidden) = self.is_hidden(there);
             out.is_ambiguous |= ambiguous_image || ambiguous_hidden;
             if in_image {
-                thickness += step * self.extinction(o + d * middle, (width / self.voxel_mm).log2());
+                let level = (width / self.voxel_mm).log2();
+                let here = step * self.extinction(o + d * middle, level);
+                if !self.colors.is_empty() {
+                    let taken = (-thickness).exp() - (-thickness - here).exp();
+                    out.color += self.color(o + d * middle, level) * taken;
+                }
+                thickness += here;
             }
             if hidden {
                 out.with_opaque = 0.0;
@@ -215,8 +263,14 @@ fn extinction(scene: &ContextScene, q: DVec3) -> f64 {
 
 /// Trilinear between a level's cells; `index` counts from voxel faces.
 fn trilinear(level: &Level, index: DVec3) -> f64 {
-    let mut sum = 0.0;
-    for corner in 0..8usize {
+    corners(level, index)
+        .map(|(l, weight)| weight * level.extinction.get(l).copied().map_or(0.0, f64::from))
+        .sum()
+}
+
+/// A level's cells about a place, and the weight of each.
+fn corners(level: &Level, index: DVec3) -> impl Iterator<Item = (usize, f64)> {
+    (0..8usize).map(move |corner| {
         let mut weight = 1.0;
         let mut cell = [0usize; 3];
         for a in 0..3 {
@@ -226,8 +280,6 @@ fn trilinear(level: &Level, index: DVec3) -> f64 {
             weight *= if up == 1 { x.fract() } else { 1.0 - x.fract() };
             cell[a] = (x as usize + up).min(level.dims[a] - 1);
         }
-        let l = (cell[2] * level.dims[1] + cell[1]) * level.dims[0] + cell[0];
-        sum += weight * level.extinction.get(l).copied().map_or(0.0, f64::from);
-    }
-    sum
+        ((cell[2] * level.dims[1] + cell[1]) * level.dims[0] + cell[0], weight)
+    })
 }

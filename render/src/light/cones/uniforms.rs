@@ -36,7 +36,8 @@ pub(crate) struct Cones {
     pub count: u32,
     pub dark: f32,
     pub rounds: u32,
-    pub unused_a: u32,
+    /// Where colours begin among the prefiltered cells.
+    pub colors: u32,
     pub unused_b: u32,
     pub levels: [Level; LEVELS],
     pub axes: [[f32; 4]; 128],
@@ -104,7 +105,7 @@ pub(crate) const LAYOUTS: &[crate::layouts::Layout] = &[
     crate::layouts::layout!(Level, "Level": dims, start, scale, pad),
     crate::layouts::layout!(
         Cones, "Cones": right, tangent, up, cone_step, forward, coarsest, corner, voxel_mm, dims, count, dark, rounds,
-        unused_a, unused_b, levels, axes
+        colors, unused_b, levels, axes
     ),
     crate::layouts::layout!(
         LightGrid, "LightGrid": cells, needed, scale, strength, corner, pad1, right, pad2, up, pad3, forward, pad4,

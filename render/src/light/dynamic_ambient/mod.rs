@@ -2,8 +2,9 @@
 //! the image is found once, as a histogram of values that knows no transfer function, and condensed into clusters; a transfer
 //! function is then one sum for each cluster. Opaque geometry has the ambient occlusion of *traced*.
 //!
-//! Lifetimes: histograms and clusters (4 bytes a cell) once per image, cell size, radius and number of clusters; the clusters' light
-//! once per transfer function. Neither masks nor clipping planes darken the image, and what they cut away still does.
+//! Lifetimes: histograms and clusters (4 bytes a cell, 2 a voxel) once per image, cell size, radius and number of clusters; histograms
+//! of the cells near clipping planes once per these; the light of both once per transfer function. Masks don't darken the image, and
+//! what is left out in front of them still does.
 
 mod neighborhoods;
 #[cfg(test)]
@@ -11,8 +12,12 @@ mod twin_tests;
 
 use std::sync::Arc;
 
-use self::neighborhoods::{DIRECTIONS, Neighborhoods};
+use glam::DVec3;
+use glioscope_core::optics::srgb;
+
+use self::neighborhoods::{Bin, DIRECTIONS, Histogram, Look, Neighborhoods};
 use super::{
+    cones::grid::Cells,
     horizon::{ALONG_SURFACE, HORIZON},
     lit::{Light, LightRow, LightWork, LitImage, LitKind, LitMarch, LitScene, no_occlusion},
     traced::{self, RAYS},
@@ -20,8 +25,8 @@ use super::{
 };
 use crate::{
     device::{Gpu, PassName, RenderError, runner::PassRunner},
-    image::{ContextVolume, TransferFunction, volume::Field},
-    scene::{LightSettings, LightingMode, Plan, Quality},
+    image::{ClipPlane, ContextVolume, TransferFunction, volume::Field},
+    scene::{Knob, LightSettings, LightingMode, Plan, Quality},
     solid::view::LINEAR_LIGHT,
 };
 
@@ -33,6 +38,7 @@ pub(super) const ROW: LightRow = LightRow {
     title: "Ambient occlusion of tissue (dynamic)",
     summary: "Tissue darker where much is around it; follows the transfer function at once",
     advice: "The study found its subdued shadows good for which of two things is nearer",
+    knobs: &[Knob::Clusters, Knob::TissueBleeding, Knob::CellMm],
     takes_long: true,
     lights_smooth: true,
     most_cost: 8.0,
@@ -77,9 +83,44 @@ struct Found {
     radius_mm: f64,
     clusters: u32,
     neighborhoods: Neighborhoods,
+    cut: Option<Cut>,
+    /// What the clusters' light on the device is by, and how much colour bleeds.
+    look: Option<(Arc<TransferFunction>, f64)>,
+}
+
+/// The cells that clipping planes change, each a cluster of its own, and all clusters on the device.
+struct Cut {
+    clip: Vec<ClipPlane>,
+    cells: Vec<(usize, Histogram)>,
     cluster_of: wgpu::Buffer,
     of_cluster: wgpu::Buffer,
-    transfer: Option<Arc<TransferFunction>>,
+}
+
+impl Found {
+    /// # Errors
+    /// [`RenderError`]: it doesn't fit.
+    fn cut(&self, gpu: &Gpu, cells: &Cells, clip: &[ClipPlane]) -> Result<Cut, RenderError> {
+        let of = &self.neighborhoods;
+        let cut = if clip.is_empty() { Vec::new() } else { of.cut(cells, self.radius_mm, clip) };
+        let mut cluster_of = of.cluster_of.clone();
+        for (number, (cell, _)) in (of.clusters.len() as u32..).zip(&cut) {
+            if let Some(place) = cluster_of.get_mut(*cell) {
+                *place = number;
+            }
+        }
+        let bytes = 16 * (of.clusters.len() + cut.len()) as u64;
+        gpu.check_size("clusters of surroundings", bytes)?;
+        Ok(Cut {
+            clip: clip.to_vec(),
+            cells: cut,
+            cluster_of: gpu.storage("AmbientLight::cluster_of", bytemuck::cast_slice(&cluster_of)),
+            of_cluster: gpu.buffer(
+                "AmbientLight::of_cluster",
+                bytes,
+                wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+            ),
+        })
+    }
 }
 
 /// The passes on the device.
@@ -121,7 +162,7 @@ impl Light for AmbientLight {
 
     #[cfg(test)]
     fn probe(&self) -> super::lit::Probe<'_> {
-        super::lit::Probe { grid: self.cells.buffers(), ..Default::default() }
+        super::lit::Probe { grid: self.cells.buffers(), tints: self.cells.tints(), ..Default::default() }
     }
 }
 
@@ -148,22 +189,23 @@ impl AmbientLight {
             notes.push(format!("occlusion radius {asked_mm} mm: {radius_mm} mm is used in the image"));
         }
         let clusters = settings.clusters.clamp(1, LightSettings::MOST_CLUSTERS);
-        if !image.clip.is_empty() {
-            notes.push(
-                "what clipping planes cut away still darkens: surroundings are known before".to_owned(),
-            );
-        }
         if clusters != settings.clusters {
             notes.push(format!("{} clusters: {clusters} are used", settings.clusters));
         }
-        let cells = self.cells.reserve(gpu, scene, image)?.clone();
+        let asked = settings.tissue_bleeding;
+        let bleeding = if asked.is_nan() { 0.0 } else { asked.clamp(0.0, 1.0) };
+        if bleeding != asked {
+            notes.push(format!("tissue bleeding {asked}: {bleeding} is used"));
+        }
+        let cells = self.cells.reserve(gpu, scene, image, bleeding > 0.0)?.clone();
         let count = cells.count() as u32;
         self.cells.write(gpu, scene, image, count);
         let known = self.found.take().filter(|found| {
             Arc::ptr_eq(&found.volume, image.volume)
                 && (found.cell_mm, found.radius_mm, found.clusters) == (settings.cell_mm, radius_mm, clusters)
         });
-        let mut work = LightWork { bytes: 12 * u64::from(count), ..LightWork::default() };
+        let cell_bytes = if bleeding > 0.0 { 20 } else { 12 };
+        let mut work = LightWork { bytes: cell_bytes * u64::from(count), ..LightWork::default() };
         let mut found = match known {
             Some(found) => found,
             None => {
@@ -174,45 +216,49 @@ impl AmbientLight {
                     return Err(RenderError::Volume { found, limit });
                 };
                 let neighborhoods = Neighborhoods::of(&field, &cells, radius_mm, clusters as usize);
-                let of_cluster = vec![0f32; neighborhoods.clusters.len()];
                 Found {
                     volume: Arc::clone(image.volume),
                     cell_mm: settings.cell_mm,
                     radius_mm,
                     clusters,
-                    cluster_of: gpu
-                        .storage("AmbientLight::cluster_of", bytemuck::cast_slice(&neighborhoods.cluster_of)),
-                    of_cluster: gpu.buffer_with(
-                        "AmbientLight::of_cluster",
-                        bytemuck::cast_slice(&of_cluster),
-                        wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
-                    ),
                     neighborhoods,
-                    transfer: None,
+                    cut: None,
+                    look: None,
                 }
             }
         };
-        let is_known = found
-            .transfer
-            .as_ref()
-            .is_some_and(|known| Arc::ptr_eq(known, image.transfer) || known == image.transfer);
+        let cut = match found.cut.take().filter(|cut| cut.clip == image.clip) {
+            Some(cut) => cut,
+            None => {
+                let cut = found.cut(gpu, &cells, image.clip)?;
+                work.samples += cut.cells.len() as u64 * u64::from(DIRECTIONS);
+                found.look = None;
+                cut
+            }
+        };
+        let is_known = found.look.as_ref().is_some_and(|(known, known_bleeding)| {
+            (Arc::ptr_eq(known, image.transfer) || known == image.transfer) && *known_bleeding == bleeding
+        });
         if !is_known {
             let tables = image.buffers.tables();
-            let light =
-                found.neighborhoods.light(found.radius_mm, |bin| tables.extinction(bin.value, bin.steepness));
-            gpu.queue.write_buffer(&found.of_cluster, 0, bytemuck::cast_slice(&light));
-            found.transfer = Some(Arc::clone(image.transfer));
+            let look = |bin: &Bin| Look {
+                extinction: tables.extinction(bin.value, bin.steepness),
+                color: DVec3::from_array(tables.color(bin.value, || bin.steepness).map(srgb::decode)),
+            };
+            let light = found.neighborhoods.light(found.radius_mm, &cut.cells, look, bleeding);
+            gpu.queue.write_buffer(&cut.of_cluster, 0, bytemuck::cast_slice(&light));
+            found.look = Some((Arc::clone(image.transfer), bleeding));
         }
         let groups = count.max(1).div_ceil(64);
         let across = groups.min(4096);
-        let entries =
-            [(30, found.cluster_of.as_entire_binding()), (33, found.of_cluster.as_entire_binding())];
+        let entries = [(30, cut.cluster_of.as_entire_binding()), (33, cut.of_cluster.as_entire_binding())];
         let Some(of_grid) = self.cells.entries() else { return Ok(notes) };
         let workgroups = [across, groups.div_ceil(across), 1];
-        let entries = [&entries[..], &of_grid].concat();
-        passes.bind(gpu, AMBIENT, "dynamic_ambient/light", &entries, workgroups)?;
+        let entries = [&entries[..], &of_grid, self.cells.tint_entry().as_slice()].concat();
+        let shader = if bleeding > 0.0 { "dynamic_ambient/light_and_color" } else { "dynamic_ambient/light" };
+        passes.bind(gpu, AMBIENT, shader, &entries, workgroups)?;
         self.work = Some(work);
-        self.found = Some(found);
+        self.found = Some(Found { cut: Some(cut), ..found });
         gpu.check()?;
         Ok(notes)
     }

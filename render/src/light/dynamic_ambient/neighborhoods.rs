@@ -2,11 +2,14 @@
 //! condensed into clusters (Ropinski et al. 2008). No transfer function is known here. Pure: no device is touched.
 
 use glam::DVec3;
-use glioscope_core::{grid::ijk, optics::random::Random};
+use glioscope_core::{Grid, grid::ijk, optics::random::Random};
 use rayon::prelude::*;
 
 use crate::{
-    image::volume::{Field, NOT_FINITE},
+    image::{
+        ClipPlane,
+        volume::{Field, NOT_FINITE},
+    },
     light::{cones::grid::Cells, harmonics::basis::spread},
 };
 
@@ -35,6 +38,15 @@ pub(crate) struct Bin {
     pub steepness: f64,
 }
 
+/// How a kind of tissue looks.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Look {
+    /// Per millimetre, at least 0.
+    pub extinction: f64,
+    /// In linear light.
+    pub color: DVec3,
+}
+
 /// The surroundings of an image's cells.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Neighborhoods {
@@ -44,6 +56,26 @@ pub(crate) struct Neighborhoods {
     pub clusters: Vec<Histogram>,
     /// What stands for each bin.
     pub bins: Vec<Bin>,
+    kinds: Kinds,
+}
+
+/// The kind of each voxel.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Kinds {
+    grid: Grid,
+    bin_of_voxel: Vec<u16>,
+}
+
+/// A clipping plane in voxel space: what has a larger product is cut away.
+type Cut = (DVec3, f64);
+
+fn in_voxels(clip: &[ClipPlane], grid: &Grid) -> Vec<Cut> {
+    let world = grid.world_from_voxel();
+    let plane = |plane: &ClipPlane| {
+        let normal = world.matrix3.transpose() * plane.normal;
+        (normal, plane.offset_mm - plane.normal.dot(world.translation))
+    };
+    clip.iter().map(plane).collect()
 }
 
 /// The bin of a voxel.
@@ -57,8 +89,8 @@ fn bin_of(value: f32, steepness: f64) -> u16 {
     (steps * VALUES + along) as u16
 }
 
-/// The bins of all voxels, and what stands for each.
-fn bins_of(field: &Field) -> (Vec<u16>, Vec<Bin>) {
+/// The kinds of all voxels, and what stands for each.
+pub(super) fn kinds_of(field: &Field) -> (Kinds, Vec<Bin>) {
     let dims = field.grid.dims();
     let steepness: Vec<f32> = (0..field.values.len())
         .into_par_iter()
@@ -77,29 +109,30 @@ fn bins_of(field: &Field) -> (Vec<u16>, Vec<Bin>) {
         value: value / n.max(1.0),
         steepness: steepness / n.max(1.0),
     };
-    (bin_of_voxel, sums.iter().map(mean).collect())
+    (Kinds { grid: field.grid.clone(), bin_of_voxel }, sums.iter().map(mean).collect())
 }
 
-/// The histogram about a cell of the image, for directions of the world that share the sphere.
+/// The histogram about a cell of the image, for directions of the world that share the sphere. What is cut away isn't there.
 fn histogram(
-    field: &Field,
-    bin_of_voxel: &[u16],
+    Kinds { grid, bin_of_voxel }: &Kinds,
     middle: DVec3,
+    cuts: &[Cut],
     (directions, radius_mm): (&[DVec3], f64),
 ) -> Histogram {
-    let samples = samples(field, radius_mm);
+    let samples = samples(grid, radius_mm);
     let step_mm = radius_mm / f64::from(samples);
     let share = step_mm / directions.len() as f64;
-    let from_mm = field.grid.voxel_from_world().matrix3;
-    let dims = field.grid.dims();
+    let from_mm = grid.voxel_from_world().matrix3;
+    let dims = grid.dims();
     let mut dense = [0.0f64; BINS];
     for direction in directions {
         let along = from_mm * *direction;
         for n in 0..samples {
-            let at = (middle + along * ((f64::from(n) + 0.5) * step_mm)).round();
+            let exact = middle + along * ((f64::from(n) + 0.5) * step_mm);
+            let at = exact.round();
             let inside = (0..3).all(|a| at[a] >= 0.0 && at[a] < dims[a] as f64);
-            if inside {
-                let voxel = field.grid.linear(at.to_array().map(|c| c as usize));
+            if inside && cuts.iter().all(|(normal, offset)| normal.dot(exact) <= *offset) {
+                let voxel = grid.linear(at.to_array().map(|c| c as usize));
                 let bin = bin_of_voxel.get(voxel).copied().unwrap_or(NO_BIN);
                 if let Some(mm) = dense.get_mut(usize::from(bin)) {
                     *mm += share;
@@ -111,8 +144,8 @@ fn histogram(
 }
 
 /// Samples in each direction: about one for each voxel.
-fn samples(field: &Field, radius_mm: f64) -> u32 {
-    (radius_mm / field.grid.spacing_mm().min_element()).ceil().clamp(1.0, MOST_SAMPLES) as u32
+fn samples(grid: &Grid, radius_mm: f64) -> u32 {
+    (radius_mm / grid.spacing_mm().min_element()).ceil().clamp(1.0, MOST_SAMPLES) as u32
 }
 
 fn squared(of: &Histogram) -> f64 {
@@ -198,7 +231,8 @@ fn centers_of(histograms: &[&Histogram], count: usize) -> Vec<Center> {
 impl Neighborhoods {
     /// Of an image's cells, within a radius (finite, above 0), with at most this many clusters (at least 1).
     pub fn of(field: &Field, cells: &Cells, radius_mm: f64, clusters: usize) -> Self {
-        let (histograms, bins) = histograms(field, cells, radius_mm);
+        let (kinds, bins) = kinds_of(field);
+        let histograms = histograms(&kinds, cells, radius_mm);
         let learnt: Vec<&Histogram> = if histograms.len() > LEARNT_FROM {
             // Most of an image is air, and one of its cells is as good as all.
             let plain = histograms.iter().find(|h| h.len() <= 1);
@@ -217,13 +251,44 @@ impl Neighborhoods {
             let all = (0u16..).zip(center.mean).filter(|(_, mm)| *mm > 0.0);
             all.map(|(bin, mm)| (bin, mm as f32)).collect()
         };
-        Self { cluster_of, clusters: centers.into_iter().map(sparse).collect(), bins }
+        Self { cluster_of, clusters: centers.into_iter().map(sparse).collect(), bins, kinds }
     }
 
-    /// Mean light from all around at each cluster, by the extinction (per millimetre, at least 0) of what stands for a bin.
-    pub fn light(&self, radius_mm: f64, extinction: impl Fn(&Bin) -> f64) -> Vec<f32> {
-        let of_bin: Vec<f64> = self.bins.iter().map(extinction).collect();
-        self.clusters.iter().map(|cluster| light_of(cluster, radius_mm, &of_bin) as f32).collect()
+    /// The cells whose surroundings clipping planes change, and what is left of them: those up to a radius before a plane, and
+    /// those behind it that light is interpolated with.
+    pub fn cut(&self, cells: &Cells, radius_mm: f64, clip: &[ClipPlane]) -> Vec<(usize, Histogram)> {
+        let grid = &self.kinds.grid;
+        let world = grid.world_from_voxel();
+        let side_mm = |a: usize| world.matrix3.col(a).length() * cells.voxels[a] as f64;
+        let beyond_mm = side_mm(0) + side_mm(1) + side_mm(2);
+        let is_cut = |n: &usize| {
+            let at_mm = world.transform_point3(middle(cells, *n));
+            let past = |plane: &ClipPlane| plane.normal.dot(at_mm) - plane.offset_mm;
+            clip.iter().any(|plane| past(plane) > -radius_mm) && clip.iter().all(|p| past(p) < beyond_mm)
+        };
+        let cuts = in_voxels(clip, grid);
+        let directions = spread(DIRECTIONS, 180.0);
+        let of_cell =
+            |n: usize| (n, histogram(&self.kinds, middle(cells, n), &cuts, (&directions, radius_mm)));
+        (0..cells.count()).into_par_iter().filter(is_cut).map(of_cell).collect()
+    }
+
+    /// Mean light from all around at each cluster, and then at these cells, by the look of what stands for a bin: colours, and
+    /// last the share of it that nothing hides. The rest has `bleeding` (0 to 1) of the mean colour of what hides it.
+    pub fn light(
+        &self,
+        radius_mm: f64,
+        cut: &[(usize, Histogram)],
+        look: impl Fn(&Bin) -> Look,
+        bleeding: f64,
+    ) -> Vec<[f32; 4]> {
+        let of_bin: Vec<Look> = self.bins.iter().map(look).collect();
+        let light = |of: &&Histogram| {
+            let (open, color) = light_of(of, radius_mm, &of_bin);
+            (color * (bleeding * (1.0 - open)) + open).extend(open).as_vec4().to_array()
+        };
+        let all: Vec<&Histogram> = self.clusters.iter().chain(cut.iter().map(|(_, of)| of)).collect();
+        all.par_iter().map(light).collect()
     }
 }
 
@@ -231,28 +296,34 @@ impl Neighborhoods {
 const OPAQUE_FROM: [f64; 2] = [2.0, 6.0];
 
 /// Light through the mean optical thickness of what is translucent, where the rest isn't: opaque tissue hides the share of the
-/// surroundings that it fills, or a surface would be black, which half of its surroundings fills.
-pub(super) fn light_of(histogram: &Histogram, radius_mm: f64, extinction: &[f64]) -> f64 {
+/// surroundings that it fills, or a surface would be black, which half of its surroundings fills. And the mean colour of what
+/// hides light.
+pub(super) fn light_of(histogram: &Histogram, radius_mm: f64, looks: &[Look]) -> (f64, DVec3) {
     let [from, to] = OPAQUE_FROM;
-    let (mut thickness, mut hidden) = (0.0, 0.0);
+    let (mut thickness, mut hidden, mut color) = (0.0, 0.0, DVec3::ZERO);
     for (bin, mm) in histogram {
-        let of_radius = radius_mm * extinction.get(usize::from(*bin)).copied().unwrap_or(0.0);
+        let look = looks.get(usize::from(*bin)).copied().unwrap_or_default();
+        let of_radius = radius_mm * look.extinction;
         let share = f64::from(*mm) / radius_mm;
         let opaque = ((of_radius - from) / (to - from)).clamp(0.0, 1.0);
+        let translucent = share * (1.0 - opaque) * of_radius.min(to);
         hidden += share * opaque;
-        thickness += share * (1.0 - opaque) * of_radius.min(to);
+        thickness += translucent;
+        color += look.color * (share * opaque + translucent);
     }
-    (1.0 - hidden).max(0.0) * (-thickness).exp()
+    let open = (1.0 - hidden).max(0.0) * (-thickness).exp();
+    (open, color / (hidden + thickness).max(1e-30))
 }
 
-/// The histogram of every cell, and what stands for each bin.
-pub(super) fn histograms(field: &Field, cells: &Cells, radius_mm: f64) -> (Vec<Histogram>, Vec<Bin>) {
-    let (bin_of_voxel, bins) = bins_of(field);
+/// The middle of a cell in voxels.
+fn middle(cells: &Cells, n: usize) -> DVec3 {
+    let p = ijk(cells.dims, n);
+    DVec3::from_array(std::array::from_fn(|a| (p[a] as f64 + 0.5) * cells.voxels[a] as f64 - 0.5))
+}
+
+/// The histogram of every cell.
+pub(super) fn histograms(kinds: &Kinds, cells: &Cells, radius_mm: f64) -> Vec<Histogram> {
     let directions = spread(DIRECTIONS, 180.0);
-    let of_cell = |n: usize| {
-        let p = ijk(cells.dims, n);
-        let middle: [f64; 3] = std::array::from_fn(|a| (p[a] as f64 + 0.5) * cells.voxels[a] as f64 - 0.5);
-        histogram(field, &bin_of_voxel, DVec3::from_array(middle), (&directions, radius_mm))
-    };
-    ((0..cells.count()).into_par_iter().map(of_cell).collect(), bins)
+    let of_cell = |n: usize| histogram(kinds, middle(cells, n), &[], (&directions, radius_mm));
+    (0..cells.count()).into_par_iter().map(of_cell).collect()
 }

@@ -11,18 +11,19 @@ use glioscope_core::{
         medium::Medium,
         monte_carlo::{Phase, direction},
         random::Random,
+        srgb,
     },
 };
 use rayon::prelude::*;
 
-use super::neighborhoods::{Neighborhoods, histograms, light_of};
+use super::neighborhoods::{Look, Neighborhoods, histograms, kinds_of, light_of};
 use crate::{
-    ContextRenderer, ContextScene,
+    ClipPlane, ContextRenderer, ContextScene,
     image::{tables::Tables, volume::Field},
     light::{
         cones::grid::Cells,
         harmonics::basis::spread,
-        suite::{SIZE, scene, shaped, transfer},
+        suite::{SIZE, image_of, scene, shaped, transfer},
     },
     scene::{LightSettings, LightingMode, Quality},
     testing::GPU,
@@ -46,6 +47,21 @@ fn middle_mm(grid: &Grid, cells: &Cells, n: usize) -> DVec3 {
     grid.world_from_voxel().transform_point3(DVec3::from_array(index))
 }
 
+fn looks(extinctions: &[f64]) -> Vec<Look> {
+    extinctions.iter().map(|per_mm| Look { extinction: *per_mm, color: DVec3::new(0.8, 0.2, 0.0) }).collect()
+}
+
+/// The light of a colour in each cell of the last frame; none where it has no colour.
+fn tints(renderer: &ContextRenderer) -> Vec<DVec3> {
+    let Some(tints) = renderer.lights().probe().tints else { return Vec::new() };
+    let found: Vec<[u16; 4]> =
+        bytemuck::pod_collect_to_vec(&GPU.read_buffers(&[(tints, 0, tints.size())]).unwrap()[0]);
+    found
+        .iter()
+        .map(|[r, g, b, _]| DVec3::new(f64::from(*r), f64::from(*g), f64::from(*b)) / 65535.0)
+        .collect()
+}
+
 fn drawn(renderer: &mut ContextRenderer, scene: &ContextScene, quality: &Quality) -> Vec<f64> {
     renderer.render(&GPU, scene, quality, SIZE).unwrap();
     let [light, _] = renderer.lights().probe().grid.unwrap();
@@ -57,19 +73,33 @@ fn drawn(renderer: &mut ContextRenderer, scene: &ContextScene, quality: &Quality
 
 /// For the suite. Every cell has a cluster of its own, so that its light is that of its own surroundings: tissue is classified as in
 /// 64 values by 4 gradients, each kind by its mean, along ways found here with maps instead of tables, by the transfer function
-/// itself.
+/// itself. Clipping planes take away what they cut, from cells on which light is seen. Colours of what hides light are those of
+/// kinds, too, in the mean by how much each hides.
 pub(super) fn max_twin_error() -> f64 {
     let mut worst = 0.0f64;
     let mut renderer = ContextRenderer::new(&GPU).unwrap();
-    for (two_d, by_shapes, with_tumor) in [(false, false, true), (true, false, false), (true, true, true)] {
-        let mut scene = scene(two_d, with_tumor, Projection::Perspective);
+    let cut = [
+        ClipPlane { normal: DVec3::new(0.3, -0.8, 0.5).normalize(), offset_mm: 5.0 },
+        ClipPlane { normal: DVec3::X, offset_mm: 9.5 },
+    ];
+    let whole: &[ClipPlane] = &[];
+    for (two_d, by_shapes, with_tumor, clip) in
+        [(false, false, true, whole), (true, false, false, &cut[..1]), (true, true, true, &cut)]
+    {
+        let mut scene =
+            ContextScene { clip: clip.to_vec(), ..scene(two_d, with_tumor, Projection::Perspective) };
         if by_shapes {
             scene.transfer = shaped();
         }
         let field = field_of(&scene);
         let grid = field.grid.clone();
         let cells = Cells::new(&grid, 6.0);
-        let found = drawn(&mut renderer, &scene, &lit(6.0, 1024));
+        let tissue_bleeding = if with_tumor { 0.7 } else { 0.0 };
+        let quality = lit(6.0, 1024);
+        let lighting = LightSettings { tissue_bleeding, ..quality.lighting };
+        let found = drawn(&mut renderer, &scene, &Quality { lighting, ..quality });
+        let tints = tints(&renderer);
+        assert_eq!(tints.len(), if with_tumor { found.len() } else { 0 });
         assert_eq!((found.len(), cells.count()), (216, 216));
         let dims = grid.dims();
         let (low, width) = scene.volume.as_ref().unwrap().scale();
@@ -99,33 +129,50 @@ pub(super) fn max_twin_error() -> f64 {
             let sum = kinds.entry(kind).or_default();
             *sum = (sum.0 + value, sum.1 + steepness, sum.2 + 1.0);
         }
-        let extinction: BTreeMap<usize, f64> = kinds
+        let looks: BTreeMap<usize, (f64, DVec3)> = kinds
             .iter()
             .map(|(kind, (value, steepness, n))| {
                 let value = low + width * value / n;
                 let steepness = width * steepness / n;
-                let per_mm = scene.transfer.sample(value, steepness).1;
-                (*kind, -(1.0 - per_mm).max(1e-30).ln())
+                let (color, per_mm) = scene.transfer.sample(value, steepness);
+                let color = DVec3::from_array(color.map(srgb::decode));
+                (*kind, (-(1.0 - per_mm).max(1e-30).ln(), color))
             })
             .collect();
         let directions = spread(48, 180.0);
         let mut dark = 0;
         for (n, found) in found.iter().enumerate() {
+            let past = |plane: &ClipPlane, at_mm: DVec3| plane.normal.dot(at_mm) - plane.offset_mm;
+            // Light is interpolated across a cell at most.
+            if clip.iter().any(|plane| past(plane, middle_mm(&grid, &cells, n)) > 6.0 * 3f64.sqrt()) {
+                continue;
+            }
             let middle = grid.voxel_from_world().transform_point3(middle_mm(&grid, &cells, n));
-            let (mut thickness, mut hidden) = (0.0, 0.0);
+            let (mut thickness, mut hidden, mut color) = (0.0, 0.0, DVec3::ZERO);
             for direction in &directions {
                 for mm in 0..8 {
-                    let at = (middle + *direction * (f64::from(mm) + 0.5)).round();
-                    if (0..3).all(|a| at[a] >= 0.0 && at[a] < dims[a] as f64) {
+                    let exact = middle + *direction * (f64::from(mm) + 0.5);
+                    let at = exact.round();
+                    let at_mm = grid.world_from_voxel().transform_point3(exact);
+                    let is_kept = clip.iter().all(|plane| past(plane, at_mm) <= 0.0);
+                    if is_kept && (0..3).all(|a| at[a] >= 0.0 && at[a] < dims[a] as f64) {
                         // Translucent below an optical thickness of 2 of the radius, opaque above 6.
-                        let of_radius = 8.0 * extinction[&kind_of(at.to_array().map(|c| c as i64)).0];
+                        let (extinction, own) = looks[&kind_of(at.to_array().map(|c| c as i64)).0];
+                        let of_radius = 8.0 * extinction;
                         let opaque = ((of_radius - 2.0) / 4.0).clamp(0.0, 1.0);
-                        hidden += opaque / (48.0 * 8.0);
-                        thickness += (1.0 - opaque) * of_radius.min(6.0) / (48.0 * 8.0);
+                        let hides = [opaque, (1.0 - opaque) * of_radius.min(6.0)].map(|x| x / (48.0 * 8.0));
+                        hidden += hides[0];
+                        thickness += hides[1];
+                        color += own * (hides[0] + hides[1]);
                     }
                 }
             }
-            worst = worst.max((found - (1.0 - hidden) * (-thickness).exp()).abs());
+            let open = (1.0 - hidden) * (-thickness).exp();
+            worst = worst.max((found - open).abs());
+            if let Some(tint) = tints.get(n).filter(|_| hidden + thickness > 0.0) {
+                let light = color / (hidden + thickness) * (tissue_bleeding * (1.0 - open)) + open;
+                worst = worst.max((*tint - light).abs().max_element());
+            }
             dark += usize::from(*found < 0.8);
         }
         println!("{two_d} {by_shapes} {with_tumor}: {worst:.2e}, {dark} dark");
@@ -142,16 +189,22 @@ fn more_clusters_come_nearer_to_each_cells_own_histogram() {
     let field = field_of(&scene);
     let cells = Cells::new(&field.grid, 2.0);
     let tables = Tables::of(&scene.transfer, scene.volume.as_ref().unwrap().scale(), &field.ranges());
-    let (own, bins) = histograms(&field, &cells, RADIUS_MM);
+    let (kinds, bins) = kinds_of(&field);
+    let own = histograms(&kinds, &cells, RADIUS_MM);
     let extinction: Vec<f64> = bins.iter().map(|bin| tables.extinction(bin.value, bin.steepness)).collect();
-    let own: Vec<f64> = own.iter().map(|h| light_of(h, RADIUS_MM, &extinction)).collect();
+    let own: Vec<f64> = own.iter().map(|h| light_of(h, RADIUS_MM, &looks(&extinction)).0).collect();
     let rms = |of: &[f64]| (of.iter().map(|d| d * d).sum::<f64>() / of.len() as f64).sqrt();
     let errors = [1usize, 4, 16, 64, 256].map(|clusters| {
         let begin = std::time::Instant::now();
         let found = Neighborhoods::of(&field, &cells, RADIUS_MM, clusters);
         println!("{clusters} clusters: {:.0} ms", begin.elapsed().as_secs_f64() * 1e3);
-        let light = found.light(RADIUS_MM, |bin| tables.extinction(bin.value, bin.steepness));
-        let off = found.cluster_of.iter().zip(&own).map(|(c, own)| f64::from(light[*c as usize]) - own);
+        let look = |extinction| Look { extinction, color: DVec3::ONE };
+        let light = found
+            .light(RADIUS_MM, &[], |bin| look(tables.extinction(bin.value, bin.steepness)), 0.0)
+            .into_iter()
+            .map(|light| f64::from(light[3]));
+        let light: Vec<f64> = light.collect();
+        let off = found.cluster_of.iter().zip(&own).map(|(c, own)| light[*c as usize] - own);
         rms(&off.collect::<Vec<f64>>())
     });
     let medium = scene.medium().unwrap();
@@ -203,13 +256,43 @@ fn a_transfer_function_finds_nothing_again() {
         assert!(found != first);
         assert!(found == rgba(&mut ContextRenderer::new(&GPU).unwrap(), &scene));
     }
+    // A clipping plane changes the cells near it alone: not one in ten of these.
+    let cut = ContextScene { clip: vec![ClipPlane { normal: DVec3::Z, offset_mm: 17.0 }], ..scene.clone() };
+    let found = rgba(&mut renderer, &cut);
+    let again = renderer.light_work().unwrap().samples;
+    assert!(again > 0 && again <= 9 * 9 * 4 * 48, "{again}");
+    assert!(found == rgba(&mut ContextRenderer::new(&GPU).unwrap(), &cut));
+    rgba(&mut renderer, &ContextScene { transfer: transfer(false, 0.8), ..cut });
+    assert_eq!(renderer.light_work().unwrap().samples, 0);
     // A turned camera, too.
     let mut camera = scene.camera;
     camera.height_mm *= 0.8;
+    rgba(&mut renderer, &scene);
     rgba(&mut renderer, &ContextScene { camera, ..scene.clone() });
     assert_eq!(renderer.light_work().unwrap().samples, 0);
     renderer.render(&GPU, &scene, &lit(4.0, 32), SIZE).unwrap();
     assert!(renderer.light_work().unwrap().samples > 0);
+}
+
+/// A cut through opaque tissue has the light of a flat surface, half of that all around, instead of none.
+#[test]
+fn a_cut_through_opaque_tissue_is_lit() {
+    let mut scene = scene(false, false, Projection::Orthographic);
+    let grid = scene.volume.as_ref().unwrap().grid().clone();
+    scene.volume = Some(image_of(&grid, vec![90.0; grid.voxel_count()]));
+    scene.transfer = transfer(false, 0.9);
+    let cells = Cells::new(&grid, 3.0);
+    let mut renderer = ContextRenderer::new(&GPU).unwrap();
+    // A cell in the middle of the cut has its middle 1.5 mm behind it.
+    let of_cut = |light: &[f64]| light[(5 * cells.dims[1] + 5) * cells.dims[0] + 5];
+    let closed = of_cut(&drawn(&mut renderer, &scene, &lit(3.0, 64)));
+    scene.clip = vec![ClipPlane { normal: DVec3::Z, offset_mm: 0.0 }];
+    let open = of_cut(&drawn(&mut renderer, &scene, &lit(3.0, 64)));
+    // Opaque: all but a ball's cap, whose ways are 1/2·(1 − d/r + d/r·ln(d/r)) of the whole at a depth d of radius r.
+    let depth = 1.5 / RADIUS_MM;
+    let truth = 0.5 * (1.0 - depth + depth * depth.ln());
+    println!("{closed} {open} {truth}");
+    assert!(closed < 0.01 && (open - truth).abs() < 0.03, "{closed} {open} {truth}");
 }
 
 /// Closed forms: a flat surface of opaque tissue has half of its light, whatever the extinction; a thin haze the light through
@@ -218,10 +301,12 @@ fn a_transfer_function_finds_nothing_again() {
 fn opaque_tissue_hides_the_share_of_the_surroundings_that_it_fills() {
     let half = vec![(0u16, 4.0f32), (1, 4.0)];
     for opaque_per_mm in [1.0, 70.0, f64::INFINITY] {
-        let light = light_of(&half, 8.0, &[0.0, opaque_per_mm]);
+        let (light, color) = light_of(&half, 8.0, &looks(&[0.0, opaque_per_mm]));
         assert!((light - 0.5).abs() < 1e-6, "{opaque_per_mm}: {light}");
+        assert!(color.distance(DVec3::new(0.8, 0.2, 0.0)) < 1e-6, "{color}");
     }
-    assert!((light_of(&half, 8.0, &[0.0, 0.1]) - (-0.4f64).exp()).abs() < 1e-6);
-    assert_eq!(light_of(&vec![(1, 8.0)], 8.0, &[0.0, f64::INFINITY]), 0.0);
-    assert_eq!(light_of(&Vec::new(), 8.0, &[]), 1.0);
+    let of = |histogram, extinctions: &[f64]| light_of(&histogram, 8.0, &looks(extinctions)).0;
+    assert!((of(half, &[0.0, 0.1]) - (-0.4f64).exp()).abs() < 1e-6);
+    assert_eq!(of(vec![(1, 8.0)], &[0.0, f64::INFINITY]), 0.0);
+    assert_eq!(of(Vec::new(), &[]), 1.0);
 }

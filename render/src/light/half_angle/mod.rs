@@ -37,7 +37,7 @@ use crate::{
         runner::{Dispatch, PassRunner, Shader, workgroups_of},
     },
     image::tables::Dimensions,
-    scene::{LightSettings, LightingMode, Plan, Quality},
+    scene::{Knob, LightSettings, LightingMode, Plan, Quality},
     solid::view::{HAS_CONTEXT, HAS_OCCLUSION, LINEAR_LIGHT, in_camera_space},
 };
 
@@ -56,6 +56,7 @@ pub(super) const ROW: LightRow = LightRow {
     takes_long: true,
     has_aperture: false,
     has_lamp: true,
+    knobs: &[Knob::SliceMm],
     traces_masks: true,
     lights_smooth: true,
     most_cost: 4.0,

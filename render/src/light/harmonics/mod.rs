@@ -2,8 +2,11 @@
 //! are in directions all around, projected to harmonic functions; the light is then a product of two short lists of numbers. The
 //! sky is round about a lamp, as wide as the aperture, and a share of it is everywhere. Opaque geometry has rays for each pixel.
 //!
+//! On request tissue gives of its colour to what it darkens: sub-cones composite the colours that they meet, as in thesis 5.4.1, and
+//! these are projected beside the visibility.
+//!
 //! Lifetimes: prefiltered extinction once per image and transfer function; the projection (4 bytes for each function and cell, twice
-//! with masks) once per these, masks, settings and camera, not when the light turns; the light of the cells once per frame. It
+//! with masks, three times more with colours) once per these, masks, settings and camera, not when the light turns; the light of the cells once per frame. It
 //! depends on the camera, as the image is left out in front of the masks.
 
 pub(crate) mod basis;
@@ -42,7 +45,7 @@ use crate::{
         runner::{Dispatch, PassRunner, workgroups_of},
     },
     image::{ClipPlane, ContextVolume, TransferFunction, tables::Dimensions, volume::BRICK},
-    scene::{LightSettings, LightingMode, Plan, Quality, same},
+    scene::{Knob, LightSettings, LightingMode, Plan, Quality, same},
     solid::view::{HAS_OCCLUSION, LINEAR_LIGHT},
 };
 
@@ -63,6 +66,7 @@ pub(super) const ROW: LightRow = LightRow {
     takes_long: true,
     has_aperture: true,
     has_lamp: true,
+    knobs: &[Knob::SkyOrder, Knob::SkyDirections, Knob::SkyShare, Knob::TissueBleeding, Knob::CellMm],
     traces_masks: true,
     lights_smooth: true,
     most_cost: 8.0,
@@ -123,6 +127,7 @@ pub(crate) struct Clamped {
     pub order: u32,
     pub directions: u32,
     pub everywhere: f64,
+    pub bleeding: f64,
     pub notes: Vec<String>,
 }
 
@@ -146,7 +151,12 @@ impl Clamped {
         if everywhere != share {
             notes.push(format!("sky share {share}: {everywhere} is used"));
         }
-        Self { half_angle_deg, order, directions, everywhere, notes }
+        let asked = settings.tissue_bleeding;
+        let bleeding = if asked.is_nan() { 0.0 } else { asked.clamp(0.0, 1.0) };
+        if bleeding != asked {
+            notes.push(format!("tissue bleeding {asked}: {bleeding} is used"));
+        }
+        Self { half_angle_deg, order, directions, everywhere, bleeding, notes }
     }
 
     /// Of sub-cones that share the sphere.
@@ -196,6 +206,7 @@ struct Key {
     directions: u32,
     camera: Camera,
     everywhere: bool,
+    tinted: bool,
 }
 
 impl Key {
@@ -211,7 +222,7 @@ impl Key {
             && self.selection == other.selection
             && self.clip == other.clip
             && (self.cell_mm, self.order, self.directions) == (other.cell_mm, other.order, other.directions)
-            && (self.camera, self.everywhere) == (other.camera, other.everywhere)
+            && (self.camera, self.everywhere, self.tinted) == (other.camera, other.everywhere, other.tinted)
     }
 }
 
@@ -221,6 +232,7 @@ struct Projection {
     needed: wgpu::Buffer,
     needed_count: u32,
     projected: wgpu::Buffer,
+    /// Of visibility, without those of colours.
     sets: u32,
     /// Whether the last frame's pass has to be complete before this may be used: frames in parts may be dropped.
     pending: bool,
@@ -231,7 +243,7 @@ struct HarmonicLight {
     layout: wgpu::BindGroupLayout,
     open_layout: wgpu::BindGroupLayout,
     opaque_layout: wgpu::BindGroupLayout,
-    pipelines: Pipelines<(Dimensions, bool)>,
+    pipelines: Pipelines<(Dimensions, [bool; 2])>,
     open_pipeline: Option<wgpu::ComputePipeline>,
     opaque_pipelines: Pipelines<[bool; 2]>,
     cones: wgpu::Buffer,
@@ -290,7 +302,7 @@ impl Light for HarmonicLight {
 
     #[cfg(test)]
     fn probe(&self) -> super::lit::Probe<'_> {
-        super::lit::Probe { grid: self.cells.buffers(), ..Default::default() }
+        super::lit::Probe { grid: self.cells.buffers(), tints: self.cells.tints(), ..Default::default() }
     }
 }
 
@@ -380,6 +392,7 @@ impl HarmonicLight {
             directions: settings.directions,
             camera: *scene.camera,
             everywhere: scene.opaque == Opaque::Anywhere,
+            tinted: settings.bleeding > 0.0,
         };
         let held = self.held.take();
         let is_done = |held: &Projection| held.key.same(&key) && (!held.pending || passes.completed(PROJECT));
@@ -389,16 +402,19 @@ impl HarmonicLight {
             let read = held.as_ref().map_or(0, |held| held.projected.size());
             self.work = Some(LightWork { slices: 0, samples: 0, bytes: read });
             self.held = held;
-            self.cells.reserve(gpu, scene, image)?;
+            self.cells.reserve(gpu, scene, image, key.tinted)?;
             self.cells.write(gpu, scene, image, needed);
             return Ok(());
         }
         // Cells that aren't looked up now may have been before.
         self.cells.release();
-        let cells = self.cells.reserve(gpu, scene, image)?.clone();
-        let medium = match held.filter(|held| held.key.has_image(image)) {
+        let cells = self.cells.reserve(gpu, scene, image, key.tinted)?.clone();
+        let tinted = key.tinted;
+        let is_usable =
+            |held: &Projection| held.key.has_image(image) && (held.medium.colors.is_some() || !tinted);
+        let medium = match held.filter(is_usable) {
             Some(held) => held.medium,
-            None => image_medium(gpu, image.buffers, image.volume)?,
+            None => image_medium(gpu, image.buffers, image.volume, tinted)?,
         };
         let shape = image.buffers.shape();
         let needed: Vec<u32> = if key.everywhere {
@@ -415,7 +431,8 @@ impl HarmonicLight {
         let with_masks = bricks.is_some();
         let sets = if with_masks { 2 } else { 1 };
         let functions = count(settings.order);
-        let bytes = 4 * listed.len() as u64 * u64::from(sets) * functions as u64;
+        let all_sets = sets + if tinted { 3 } else { 0 };
+        let bytes = 4 * listed.len() as u64 * u64::from(all_sets) * functions as u64;
         gpu.check_size("visibility of cells", bytes)?;
         let held = Projection {
             key,
@@ -476,7 +493,7 @@ impl HarmonicLight {
             let steps = (vec![pipeline], steps.clone());
             passes.bind_steps(gpu, PAST_MASKS, &self.open_layout, &entries, steps);
         }
-        let pipeline = self.pipeline(gpu, (image.buffers.tables().dimensions, with_masks))?;
+        let pipeline = self.pipeline(gpu, (image.buffers.tables().dimensions, [with_masks, tinted]))?;
         let Some([_, grid]) = self.cells.buffers() else { return Ok(()) };
         let entries = [
             (0, scene.view.as_entire_binding()),
@@ -513,7 +530,12 @@ impl HarmonicLight {
     ) -> Result<(), RenderError> {
         let (Some(held), Some(of_grid)) = (&self.held, self.cells.entries()) else { return Ok(()) };
         let factors = sky(settings.order, towards, settings.half_angle_deg, settings.everywhere);
-        let mut uniform = Sky { functions: factors.len() as u32, sets: held.sets, ..Sky::default() };
+        let mut uniform = Sky {
+            functions: factors.len() as u32,
+            sets: held.sets,
+            bleeding: settings.bleeding as f32,
+            ..Sky::default()
+        };
         for (to, factor) in uniform.factors.iter_mut().flatten().zip(&factors) {
             *to = *factor as f32;
         }
@@ -526,7 +548,9 @@ impl HarmonicLight {
         let groups = held.needed_count.max(1).div_ceil(64);
         let across = groups.min(4096);
         let workgroups = [across, groups.div_ceil(across), 1];
-        passes.bind(gpu, SKY, "harmonics/light", &[&entries[..], &of_grid].concat(), workgroups)
+        let tint = self.cells.tint_entry();
+        let shader = if tint.is_some() { "harmonics/light_and_color" } else { "harmonics/light" };
+        passes.bind(gpu, SKY, shader, &[&entries[..], &of_grid, tint.as_slice()].concat(), workgroups)
     }
 
     /// Binds the rays from opaque geometry, in directions of the world with the share of each.
@@ -583,11 +607,12 @@ impl HarmonicLight {
     fn pipeline(
         &mut self,
         gpu: &Gpu,
-        kind: (Dimensions, bool),
+        kind: (Dimensions, [bool; 2]),
     ) -> Result<wgpu::ComputePipeline, RenderError> {
-        self.pipelines.get(gpu, kind, |(dimensions, with_masks)| {
+        self.pipelines.get(gpu, kind, |(dimensions, kind)| {
             let [gradient_counts, joint] = dimensions.constants();
-            let constants = [("with_masks", f64::from(u8::from(*with_masks))), gradient_counts, joint];
+            let [with_masks, tinted] = kind.map(|on| f64::from(u8::from(on)));
+            let constants = [("with_masks", with_masks), ("gathers_color", tinted), gradient_counts, joint];
             compute_pipeline(gpu, "harmonics/project", Some(&self.layout), &constants)
         })
     }

@@ -78,11 +78,22 @@ fn shown(scene: &ContextScene) -> Option<OpaqueVoxels> {
     Some(OpaqueVoxels::new(tumor.grid().clone(), shows))
 }
 
+/// Coloured light of all cells; none where light has no colour.
+fn found_tints(renderer: &ContextRenderer) -> Vec<DVec3> {
+    let Some(tints) = renderer.lights().probe().tints else { return Vec::new() };
+    let found: Vec<[u16; 4]> =
+        bytemuck::pod_collect_to_vec(&GPU.read_buffers(&[(tints, 0, tints.size())]).unwrap()[0]);
+    found
+        .iter()
+        .map(|[r, g, b, _]| DVec3::new(f64::from(*r), f64::from(*g), f64::from(*b)) / 65535.0)
+        .collect()
+}
+
 /// Largest difference of a cell from the twin; shares of cells that weren't compared because rounding decides them, and that masks
 /// shade.
 fn twin_error(renderer: &mut ContextRenderer, scene: &ContextScene, quality: &Quality) -> [f64; 3] {
     renderer.render(&GPU, scene, quality, SIZE).unwrap();
-    let found = found(renderer);
+    let (found, tints) = (found(renderer), found_tints(renderer));
     let settings = Clamped::of(&quality.lighting);
     let sight = Sight::new(&scene.camera, SIZE);
     // Sub-cones that share the sphere.
@@ -94,6 +105,7 @@ fn twin_error(renderer: &mut ContextRenderer, scene: &ContextScene, quality: &Qu
         ..quality.lighting
     };
     let twin = ConeTwin::new(scene, &sight, &[], &lighting).unwrap();
+    let twin = if settings.bleeding > 0.0 { twin.with_colors() } else { twin };
     let voxels = shown(scene).filter(|_| masks_shade_tissue(&GPU));
     let directions = spread(settings.directions, 180.0);
     let towards = quality.lighting.lamp.direction(&scene.camera);
@@ -113,21 +125,27 @@ fn twin_error(renderer: &mut ContextRenderer, scene: &ContextScene, quality: &Qu
             let light = |shift: f64| {
                 let moved = at_mm + DVec3::new(0.3, 0.8, 0.5) * shift;
                 let (mut sums, mut ambiguous) = ([vec![0.0; factors.len()], vec![0.0; factors.len()]], false);
+                let mut colors = DVec3::ZERO;
                 for &w in &directions {
                     let one = twin.along(at_mm, w);
                     ambiguous |= one.is_ambiguous;
-                    let past = if is_open(moved, w) { one.image_only } else { 0.0 };
+                    let past_masks = is_open(moved, w);
+                    let past = if past_masks { one.image_only } else { 0.0 };
                     for (k, value) in values(settings.order, w).into_iter().enumerate() {
+                        colors +=
+                            if past_masks { one.color } else { DVec3::ZERO } * value * each * factors[k];
                         sums[0][k] += one.image_only * value * each;
                         sums[1][k] += past * value * each;
                     }
                 }
-                let [image, both] =
-                    sums.map(|sum| sum.iter().zip(&factors).map(|(v, f)| v * f).sum::<f64>().clamp(0.0, 1.0));
-                ([image, both.min(image)], ambiguous)
+                let raw = sums.map(|sum| sum.iter().zip(&factors).map(|(v, f)| v * f).sum::<f64>());
+                let [image, both] = raw.map(|light| light.clamp(0.0, 1.0));
+                let tint = colors.max(DVec3::ZERO) * settings.bleeding + raw[1];
+                ([image, both.min(image)], tint.clamp(DVec3::ZERO, DVec3::ONE), ambiguous)
             };
-            let ((here, ambiguous), (moved, _)) = (light(0.0), light(2e-3));
+            let ((here, tint, ambiguous), (moved, ..)) = (light(0.0), light(2e-3));
             let off = (0..2).map(|c| (f64::from(found[n][c]) - here[c]).abs()).fold(0.0, f64::max);
+            let off = tints.get(n).map_or(off, |found| off.max((*found - tint).abs().max_element()));
             let is_unsure = (here[1] - moved[1]).abs() > 2e-4 || (ambiguous && off > 1e-3);
             (off, is_unsure, here[1] < here[0] - 0.01)
         })
@@ -156,7 +174,9 @@ pub(super) fn max_twin_error() -> f64 {
         if cut {
             scene.clip = vec![ClipPlane { normal: DVec3::new(0.6, -1.6, 1.0), offset_mm: 10.0 }];
         }
-        let quality = lit(lamp, order, directions, 5.0);
+        let mut quality = lit(lamp, order, directions, 5.0);
+        // Colours of what takes light away.
+        quality.lighting.tissue_bleeding = if by_shapes || cut { 0.8 } else { 0.0 };
         let [off, unsure, masked] = twin_error(&mut renderer, &scene, &quality);
         println!(
             "{two_d} {by_shapes} {with_tumor} {projection:?} {lamp:?} order {order}, {directions} directions: {off:.2e}, {:.1} % \
@@ -318,11 +338,12 @@ fn settings_out_of_range_are_clamped_with_notes() {
         sky_order: 9,
         sky_directions: 0,
         sky_share: f64::NAN,
+        tissue_bleeding: 2.0,
         ..LightSettings::DEFAULT
     };
-    let Clamped { half_angle_deg, order, directions, everywhere, notes } = Clamped::of(&requested);
-    assert_eq!((half_angle_deg, order, directions, everywhere), (85.0, 5, 1, 0.0));
-    assert_eq!(notes.len(), 4, "{notes:?}");
+    let Clamped { half_angle_deg, order, directions, everywhere, bleeding, notes } = Clamped::of(&requested);
+    assert_eq!((half_angle_deg, order, directions, everywhere, bleeding), (85.0, 5, 1, 0.0, 1.0));
+    assert_eq!(notes.len(), 5, "{notes:?}");
     assert!(Clamped::of(&LightSettings::DEFAULT).notes.is_empty());
     // A surface that faces the lamp gets all of a narrow sky, and one in the open all of an even one.
     let lit = |aperture_deg, sky_share, normal: DVec3| {

@@ -18,7 +18,7 @@ pub(crate) struct ProjectPart {
 pub(crate) struct Sky {
     pub functions: u32,
     pub sets: u32,
-    pub unused_a: u32,
+    pub bleeding: f32,
     pub unused_b: u32,
     pub factors: [[f32; 4]; 9],
 }
@@ -58,6 +58,6 @@ pub(crate) const LAYOUTS: &[crate::layouts::Layout] = &[
     crate::layouts::layout!(ProjectPart, "ProjectPart": first, direction, directions, functions),
     crate::layouts::layout!(Directions, "Directions": axes),
     crate::layouts::layout!(Basis, "Basis": values),
-    crate::layouts::layout!(Sky, "Sky": functions, sets, unused_a, unused_b, factors),
+    crate::layouts::layout!(Sky, "Sky": functions, sets, bleeding, unused_b, factors),
     crate::layouts::layout!(SkyRays, "SkyRays": count, begins, ends, unused, towards),
 ];

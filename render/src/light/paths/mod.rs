@@ -38,7 +38,7 @@ use crate::{
         runner::{Dispatch, PassRunner, Shader, workgroups_of},
     },
     image::{ContextVolume, TransferFunction, tables::Dimensions, uniforms::Context},
-    scene::{LightSettings, LightingMode, PathSettings, Plan, Quality},
+    scene::{Knob, LightSettings, LightingMode, PathSettings, Plan, Quality},
     solid::view::{HAS_CONTEXT, HAS_OCCLUSION, LINEAR_LIGHT, TINTED},
 };
 
@@ -63,6 +63,7 @@ pub(super) const ROW: LightRow = LightRow {
     takes_long: true,
     has_aperture: false,
     has_lamp: true,
+    knobs: &[Knob::Paths, Knob::Bounces, Knob::Anisotropy, Knob::LampShare, Knob::LampRadiusDeg],
     traces_masks: true,
     lights_smooth: true,
     most_cost: 16.0,

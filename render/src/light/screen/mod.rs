@@ -29,6 +29,7 @@ pub(super) const ROW: LightRow = LightRow {
     takes_long: false,
     has_aperture: false,
     has_lamp: false,
+    knobs: &[],
     traces_masks: false,
     lights_smooth: true,
     most_cost: 16.0,

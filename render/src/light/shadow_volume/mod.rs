@@ -41,7 +41,7 @@ use crate::{
         runner::{Dispatch, PassRunner},
     },
     image::tables::Dimensions,
-    scene::{LightSettings, LightingMode, Plan, Quality},
+    scene::{Knob, LightSettings, LightingMode, Plan, Quality},
     solid::view::{HAS_OCCLUSION, LINEAR_LIGHT},
 };
 
@@ -58,6 +58,7 @@ pub(super) const ROW: LightRow = LightRow {
     takes_long: true,
     has_aperture: false,
     has_lamp: true,
+    knobs: &[Knob::CellMm],
     traces_masks: true,
     lights_smooth: true,
     most_cost: 8.0,
@@ -137,7 +138,7 @@ impl Light for ShadowVolumeLight {
         self.work = None;
         if let Some(image) = scene.image.filter(|_| plan.has(SWEEP)) {
             step_mm = image.buffers.shape().grid.spacing_mm().min_element();
-            let count = self.cells.reserve(gpu, scene, &image)?.count();
+            let count = self.cells.reserve(gpu, scene, &image, false)?.count();
             self.cells.write(gpu, scene, &image, count as u32);
             self.lamp.write(gpu, light, step_mm);
             self.bind_open(gpu, passes, plan, scene)?;

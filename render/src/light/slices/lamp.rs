@@ -9,11 +9,16 @@ use glioscope_core::optics::{
 
 use crate::light::kernel::{Kernel, MOST_REACH_PX, disc_points};
 
-/// Largest angle between the directions to the eye and to the lamp: slices can't carry light along themselves, nor against
-/// their order.
+/// Largest angle between the line of sight and the direction to the lamp, before the scene or behind it: slices can't carry
+/// light along themselves.
 pub(crate) const MOST_TILT_DEG: f64 = 75.0;
 /// Variance along an axis that interpolation between pixels adds, on average over its fraction, square pixels.
 const INTERPOLATED_PX2: f64 = 1.0 / 6.0;
+
+/// Light comes from so many pixels aside before what is behind an opaque surface hides it from the surface: as many as
+/// interpolation between pixels reaches, and more where light is almost along the line of sight.
+const LAG_PX: f64 = 2.0;
+const MOST_LAG_PX: f64 = 16.0;
 
 /// A tilted cone.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,7 +27,9 @@ pub(crate) struct LampCone {
     pub aperture_deg: f64,
     /// From the view axis, degrees.
     pub tilt_deg: f64,
-    /// Millimetres right and down that the middle of the light lies towards the lamp, per millimetre nearer to the eye.
+    /// Whether light comes from behind the scene, and crosses slices from back to front.
+    pub from_behind: bool,
+    /// Millimetres right and down that the middle of the light lies, per millimetre nearer to the eye.
     pub slope: DVec2,
     /// Along the tilt and across it: standard deviations of these, or the semi-axes of the ellipse in which a plane cuts the
     /// cone.
@@ -31,16 +38,20 @@ pub(crate) struct LampCone {
 
 impl LampCone {
     /// The cone about `towards` (unit length; right, up, away from the eye): of directions uniform in solid angle, or as the
-    /// ellipse cut out. Tilt and aperture are at most [`MOST_TILT_DEG`] and together [`WIDEST_DEG`]: beyond, the ellipse is a
-    /// hyperbola. Notes name what was changed.
+    /// ellipse cut out. Tilt, which is from the line of sight, and aperture are at most [`MOST_TILT_DEG`] and together
+    /// [`WIDEST_DEG`]: beyond, the ellipse is a hyperbola. Notes name what was changed.
     pub fn new(towards: DVec3, aperture_deg: f64, as_ellipse: bool, notes: &mut Vec<String>) -> Self {
         let sideways = DVec2::new(towards.x, -towards.y);
-        // A lamp right behind the scene has no side.
+        // A lamp right behind or before the scene has no side.
         let along = sideways.try_normalize().unwrap_or(DVec2::NEG_Y);
-        let requested_deg = sideways.length().atan2(-towards.z).to_degrees();
+        let from_behind = towards.z > 0.0;
+        let requested_deg = sideways.length().atan2(towards.z.abs()).to_degrees();
         let tilt_deg = requested_deg.min(MOST_TILT_DEG);
         if tilt_deg < requested_deg {
-            notes.push(format!("lamp {requested_deg:.0} degrees from the line of sight: {tilt_deg} is used"));
+            let side = if from_behind { ", behind the scene" } else { "" };
+            notes.push(format!(
+                "lamp {requested_deg:.0} degrees from the line of sight{side}: {tilt_deg} is used"
+            ));
         }
         let used_deg = aperture_deg.min(WIDEST_DEG - tilt_deg);
         if used_deg < aperture_deg - 1e-6 {
@@ -59,18 +70,19 @@ impl LampCone {
         };
         let across = DVec2::new(-along.y, along.x);
         let axes = [along * axes[0], across * axes[1]];
-        Self { aperture_deg: used_deg, tilt_deg, slope: along * slope, axes }
+        let slope = if from_behind { -slope } else { slope };
+        Self { aperture_deg: used_deg, tilt_deg, from_behind, slope: along * slope, axes }
     }
 
-    /// Where light at view depth `to_mm` was at the nearer `from_mm`, spread as the ellipse there.
+    /// Where light at view depth `to_mm` was at `from_mm` on its way, spread as the ellipse there.
     pub fn ellipse(&self, sight: &Sight, [from_mm, to_mm]: [f64; 2], grid: u32) -> Kernel {
-        let spread = (to_mm - from_mm) / sight.pixel_mm(from_mm);
+        let spread = (to_mm - from_mm).abs() / sight.pixel_mm(from_mm);
         self.kernel(sight, [from_mm, to_mm], grid, self.axes.map(|axis| axis * spread))
     }
 
     /// The same, spread as after `reference_mm` behind an occluder if slices are endlessly many.
     pub fn blurred(&self, sight: &Sight, [from_mm, to_mm]: [f64; 2], grid: u32, reference_mm: f64) -> Kernel {
-        let spread = ((to_mm - from_mm) * reference_mm).sqrt() / sight.pixel_mm(from_mm);
+        let spread = ((to_mm - from_mm).abs() * reference_mm).sqrt() / sight.pixel_mm(from_mm);
         // Variance of the points of a grid from -1 to 1.
         let of_points = (1.0 - 1.0 / f64::from(grid).powi(2)) / 3.0;
         let axes = self.axes.map(|axis| {
@@ -79,6 +91,11 @@ impl LampCone {
             axis.normalize_or_zero() * half
         });
         self.kernel(sight, [from_mm, to_mm], grid, axes)
+    }
+
+    /// Pixels along the line of sight behind an opaque surface from which on it hides light from surfaces.
+    pub fn lag_px(&self) -> f64 {
+        (LAG_PX / self.slope.length()).min(MOST_LAG_PX)
     }
 
     /// Largest variance along an axis, per square millimetre nearer to the eye.

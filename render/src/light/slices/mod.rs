@@ -43,7 +43,7 @@ use crate::{
         runner::{Dispatch, PassRunner, workgroups_of},
     },
     image::{buffers::ImageBuffers, tables::Dimensions},
-    scene::{LightSettings, LightingMode, Plan, Quality, SliceVariant},
+    scene::{Knob, LightSettings, LightingMode, Plan, Quality, SliceVariant},
     solid::view::{HAS_CONTEXT, HAS_OCCLUSION, LINEAR_LIGHT},
 };
 
@@ -60,6 +60,7 @@ pub(super) const ROW: LightRow = LightRow {
     takes_long: true,
     has_aperture: true,
     has_lamp: false,
+    knobs: &[Knob::SliceMm],
     traces_masks: false,
     lights_smooth: true,
     most_cost: MOST_COST,
@@ -185,6 +186,8 @@ struct PipelineKey {
     opaque_on_opaque: bool,
     /// Whether light comes from a lamp.
     towards_lamp: bool,
+    /// Whether that is behind the scene.
+    from_behind: bool,
     /// Whether the eye's rays end at depths other than those of opaque geometry.
     ends_apart: bool,
     dimensions: Dimensions,
@@ -343,8 +346,10 @@ impl SliceLight {
                 .map_or(OpaqueBounds::None, OpaqueBounds::Within),
             _ => OpaqueBounds::Anywhere,
         };
-        // In the paper's variants; in the mended one layers do.
-        let opaque_on_opaque = settings.variant != SliceVariant::Mended && mutual.opaque_on_opaque;
+        // In the paper's variants; in the mended one layers do, which know no light from behind.
+        let from_behind = plan.from_behind();
+        let opaque_on_opaque =
+            (settings.variant != SliceVariant::Mended || from_behind) && mutual.opaque_on_opaque;
         let occluders = (mutual.opaque_on_image || opaque_on_opaque, mutual.image_on_image);
         let mut all_rects = if self.everywhere {
             vec![StepRects::everywhere(scene.size); plan.steps.len()]
@@ -364,12 +369,25 @@ impl SliceLight {
             opaque_transmits: false,
             opaque_on_opaque: false,
             towards_lamp: settings.towards_lamp,
+            from_behind,
             ends_apart: false,
             dimensions: Dimensions::Value,
             is_empty: false,
         };
         let whole = Rect::whole(scene.size).in_workgroups(scene.size);
-        dispatches.add(self.pipeline(gpu, begin_key)?, begin_key, uniforms::Part::default(), &[whole]);
+        let dimensions = image.buffers.tables().dimensions;
+        let begins = uniforms::Part {
+            depth: (plan.front_mm() - scene.reference_mm) as f32,
+            slices: plan.slices(),
+            ..uniforms::Part::default()
+        };
+        // From back to front it isn't known before the end where half is hidden: a march finds it.
+        let key = if from_behind {
+            PipelineKey { with_opaque: has_opaque, ends_apart: scene.ends_apart, dimensions, ..begin_key }
+        } else {
+            begin_key
+        };
+        dispatches.add(self.pipeline(gpu, key)?, key, begins, &[whole]);
         let mended = settings.variant == SliceVariant::Mended;
         let mut light_work = LightWork { slices: plan.slices(), ..LightWork::default() };
         for (number, (step, rects)) in plan.steps.iter().zip(&all_rects).enumerate() {
@@ -386,7 +404,7 @@ impl SliceLight {
                     opaque_transmits: with_opaque && !mutual.opaque_on_image,
                     opaque_on_opaque: with_opaque && opaque_on_opaque,
                     ends_apart: with_opaque && scene.ends_apart,
-                    dimensions: image.buffers.tables().dimensions,
+                    dimensions,
                     is_empty: step.empty,
                     ..begin_key
                 };
@@ -417,7 +435,7 @@ impl SliceLight {
             slice_mm: plan.slice_mm as f32,
             flags,
             strength: scene.quality.strength(),
-            pad: 0,
+            lag_px: plan.lamp.map_or(0.0, |cone| cone.lag_px()) as f32,
             decay: plan.decay.as_deref().map_or([[0.0; 4]; 257], Decay::packed),
         };
         gpu.queue.write_buffer(&self.slices, 0, bytemuck::bytes_of(&slices));
@@ -475,16 +493,14 @@ impl SliceLight {
                 ("solid_lets_through", flag(key.opaque_transmits)),
                 ("solid_on_solid", flag(key.opaque_on_opaque)),
                 ("towards_lamp", flag(key.towards_lamp)),
+                ("from_behind", flag(key.from_behind)),
                 ("ends_apart", flag(key.ends_apart)),
                 gradient_counts,
                 joint,
                 ("is_empty", flag(key.is_empty)),
             ];
-            if key.is_begin {
-                let constants = [("two_lights", flag(key.two_lights))];
-                return compute_pipeline(gpu, "slices/begin", Some(&self.layout), &constants);
-            }
-            compute_pipeline(gpu, "slices/step", Some(&self.layout), &constants)
+            let entry = if key.is_begin { "slices/begin" } else { "slices/step" };
+            compute_pipeline(gpu, entry, Some(&self.layout), &constants)
         })
     }
 }

@@ -64,7 +64,7 @@ pub(crate) struct SlicePlan {
     pub lamp: Option<LampCone>,
     /// The slice distance used.
     pub slice_mm: f64,
-    /// Front to back.
+    /// In the light's order: front to back, or back to front if the lamp is behind the scene.
     pub steps: Vec<Step>,
     /// Decay of light through a slice; mended variant only.
     pub decay: Option<Arc<Decay>>,
@@ -226,29 +226,44 @@ impl SlicePlan {
         let mended = settings.variant == SliceVariant::Mended;
         let reference_mm = usable_reference_mm(settings);
         let no_kernel = Kernel::lattice(1, 0.0);
+        // Front to back, as what is empty is found in this order.
+        let mut all: Vec<(f64, bool)> =
+            slices.map(|slice| (near + f64::from(slice) * d, is_empty(slice))).collect();
+        if cone.from_behind {
+            all.reverse();
+        }
         let mut steps: Vec<Step> = Vec::new();
-        for slice in slices {
-            let depth_mm = near + f64::from(slice) * d;
-            let empty = is_empty(slice);
+        for (depth_mm, empty) in all {
             let joins = steps.last_mut().filter(|step| {
-                let back_mm = depth_mm + d;
+                let length_mm = d * f64::from(step.slices);
+                let ends_mm = if cone.from_behind {
+                    [step.depth_mm + length_mm, depth_mm.max(0.5 * d)]
+                } else {
+                    [step.depth_mm.max(0.5 * d), depth_mm + d]
+                };
                 let pixel_mm = sight.pixel_mm(step.depth_mm + 0.5 * d);
-                let blur =
-                    cone.variance() * reference_mm * (depth_mm - step.depth_mm) / (pixel_mm * pixel_mm);
-                let moved = cone.moved_px(sight, [step.depth_mm.max(0.5 * d), back_mm]);
-                let is_short = blur < BLUR_PER_STEP_PX2 && (step.empty || moved < 1.0);
+                let blur = cone.variance() * reference_mm * length_mm / (pixel_mm * pixel_mm);
+                let is_short =
+                    blur < BLUR_PER_STEP_PX2 && (step.empty || cone.moved_px(sight, ends_mm) < 1.0);
                 mended && step.empty == empty && step.slices < MOST_PER_STEP && is_short
             });
             match joins {
-                Some(step) => step.slices += 1,
+                Some(step) => {
+                    (step.slices, step.depth_mm) = (step.slices + 1, step.depth_mm.min(depth_mm));
+                }
                 None => steps.push(Step { depth_mm, slices: 1, kernel: no_kernel, empty }),
             }
         }
         // From the middle of a step to that of the one before; half of its length for the first, which meets full light.
         let mut before_mm = None;
         for step in &mut steps {
-            let middle_mm = step.depth_mm + 0.5 * d * f64::from(step.slices);
-            let from_mm = before_mm.unwrap_or(step.depth_mm.max(0.5 * middle_mm));
+            let length_mm = d * f64::from(step.slices);
+            let middle_mm = step.depth_mm + 0.5 * length_mm;
+            let from_mm = before_mm.unwrap_or(if cone.from_behind {
+                step.depth_mm + length_mm
+            } else {
+                step.depth_mm.max(0.5 * middle_mm)
+            });
             step.kernel = if mended {
                 cone.blurred(sight, [from_mm, middle_mm], grid, reference_mm)
             } else {
@@ -257,6 +272,16 @@ impl SlicePlan {
             before_mm = Some(middle_mm);
         }
         self.steps = steps;
+    }
+
+    /// Whether light crosses the slices from back to front.
+    pub fn from_behind(&self) -> bool {
+        self.lamp.is_some_and(|cone| cone.from_behind)
+    }
+
+    /// View depth of the nearest slice's front.
+    pub fn front_mm(&self) -> f64 {
+        self.steps.iter().map(|step| step.depth_mm).fold(f64::INFINITY, f64::min)
     }
 
     /// Total number of slices.

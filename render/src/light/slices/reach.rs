@@ -255,24 +255,32 @@ pub(crate) fn step_rects_in_groups(
     let margin_mm = 0.01 * plan.slice_mm + 1e-3;
     let front = |k: usize| steps[k].depth_mm - margin_mm;
     let back = |k: usize| steps[k].depth_mm + f64::from(steps[k].slices) * plan.slice_mm + margin_mm;
-    let backs: Vec<f64> = (0..steps.len()).map(back).collect();
+    let last = steps.len().saturating_sub(1);
+    let from_behind = plan.from_behind();
+    // From front to back.
+    let in_depth = |n: usize| if from_behind { last - n } else { n };
+    let backs: Vec<f64> = (0..steps.len()).map(|n| back(in_depth(n))).collect();
     let mut visible = vec![Rect::EMPTY; steps.len()];
     for brick in image {
         let first = backs.partition_point(|back| *back < brick.depths_mm.0);
-        for k in (first..steps.len()).take_while(|k| front(*k) <= brick.depths_mm.1) {
+        for k in (first..steps.len()).map(in_depth).take_while(|k| front(*k) <= brick.depths_mm.1) {
             visible[k] = visible[k].union(brick.rect);
         }
     }
-    let last = steps.len().saturating_sub(1);
     let whole = Rect::whole(size);
-    // Opaque surfaces: from the step on in which they begin, and up to the step in which they end.
+    // Opaque surfaces: from the step on in which they begin, and up to the step in which they end. What is behind them hides a
+    // lamp there, too.
     let (opaque_begun, opaque_ahead): (Vec<Rect>, Vec<Rect>) = (0..steps.len())
         .map(|k| match opaque {
             OpaqueBounds::None => (Rect::EMPTY, Rect::EMPTY),
             OpaqueBounds::Anywhere => (whole, whole),
             OpaqueBounds::Within(s) => {
                 let when = |is: bool| if is { s.rect } else { Rect::EMPTY };
-                (when(back(k) >= s.depths_mm.0 || k == last), when(front(k) <= s.depths_mm.1))
+                if from_behind {
+                    (s.rect, when(back(k) >= s.depths_mm.0))
+                } else {
+                    (when(back(k) >= s.depths_mm.0 || k == last), when(front(k) <= s.depths_mm.1))
+                }
             }
         })
         .unzip();
@@ -385,10 +393,10 @@ impl<'a> Drift<'a> {
     }
 
     /// Pixels of a spread between two steps at either: pixels are larger farther away.
-    fn spread(&self, pixels: u32, near: usize, far: usize) -> u32 {
+    fn spread(&self, pixels: u32, first: usize, last: usize) -> u32 {
         let Some(_) = self.lamp else { return pixels };
-        let [near, far] = [near, far].map(|step| self.sight.pixel_mm(self.middles_mm[step]));
-        (f64::from(pixels) * (far / near).max(1.0)).min(f64::from(BEYOND_PX)).ceil() as u32 + 2
+        let [first, last] = [first, last].map(|step| self.sight.pixel_mm(self.middles_mm[step]));
+        (f64::from(pixels) * (last / first).max(first / last)).min(f64::from(BEYOND_PX)).ceil() as u32 + 2
     }
 
     /// Where a rectangle, the same in the steps from `ends[0]` to `ends[1]`, is along the light in step `to`: between where it

@@ -147,6 +147,8 @@ fn omitted_step_pixels_change_nothing_in_a_lamps_light() {
                 ([-45.0, 45.0], 20.0, SliceVariant::Mended),
                 ([50.0, -5.0], 5.0, SliceVariant::Mended),
                 ([30.0, 10.0], 20.0, SliceVariant::PaperExact),
+                ([140.0, 30.0], 20.0, SliceVariant::Mended),
+                ([180.0, -5.0], 30.0, SliceVariant::PaperExact),
             ] {
                 let [azimuth_deg, elevation_deg] = lamp;
                 let lighting = LightSettings {

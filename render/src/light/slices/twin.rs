@@ -87,6 +87,25 @@ fn add_weighted(a: Lights, b: Lights, weight: f64) -> Lights {
     [a[0] + weight * b[0], a[1] + weight * b[1]]
 }
 
+/// Light scattered to the eye in a slice that light crosses towards it, falling from `first` to `last` exponentially, by
+/// quadrature; `seen` is the slice's optical thickness along the eye's ray.
+fn onwards(first: f64, last: f64, seen: f64) -> f64 {
+    if seen <= 0.0 || first <= 0.0 {
+        return 0.0;
+    }
+    // Midpoints, denser towards the eye, where a thick slice is seen.
+    let n = 4000;
+    let faded = (first.max(1e-30) / last.max(1e-30)).ln();
+    let at = |k: i32| (f64::from(k) / f64::from(n)).powi(3);
+    (0..n)
+        .map(|k| {
+            let (from, to) = (at(k), at(k + 1));
+            let before_eye = 0.5 * (from + to);
+            (to - from) * seen * (-seen * before_eye).exp() * first * (-faded * (1.0 - before_eye)).exp()
+        })
+        .sum()
+}
+
 impl Pass<'_> {
     fn texel(&self, x: i64, y: i64) -> Lights {
         let [width, height] = self.sight.size.map(i64::from);
@@ -143,6 +162,10 @@ impl Pass<'_> {
         let opaque_occludes = self.mutual.opaque_on_image;
         let image_occludes = self.mutual.image_on_image;
         let Step { depth_mm, kernel, .. } = *self.step;
+        let from_behind = self.plan.from_behind();
+        // A lamp behind the scene is hidden from surfaces by all that is behind them, but for so much.
+        let lag_mm = self.plan.lamp.map_or(0.0, |cone| cone.lag_px()) * self.sight.pixel_mm(opaque.min(1e9));
+        let is_hidden = |front: f64| self.mutual.opaque_on_opaque && front > opaque + lag_mm;
         let [x, y] = pixel.map(i64::from);
         if self.plan.variant != SliceVariant::Mended {
             let before = self.texel(x, y);
@@ -151,9 +174,15 @@ impl Pass<'_> {
             let sampled = (end - begin).min(ray_end - depth_mm).max(0.0);
             let alpha = -(-extinction * sampled).exp_m1();
             let lit = 1.0 + self.strength * (before[1] - 1.0);
-            out.eye.radiance += color * (lit * alpha * out.eye.transmittance);
+            let own = color * (lit * alpha);
+            out.eye.radiance = if from_behind {
+                out.eye.radiance * (1.0 - alpha) + own
+            } else {
+                out.eye.radiance + own * out.eye.transmittance
+            };
             out.eye.transmittance *= 1.0 - alpha;
-            let hides = opaque < depth_mm + d;
+            let meets = (depth_mm..depth_mm + d).contains(&opaque);
+            let hides = if from_behind { meets } else { opaque < depth_mm + d };
             let of_both = match (hides && opaque_occludes, image_occludes) {
                 (true, _) => f64::INFINITY,
                 (false, true) => extinction,
@@ -183,12 +212,15 @@ impl Pass<'_> {
                 let through = [extinction, of_both].map(|e| (-e * distance).exp());
                 add_weighted(sum, [at[0] * through[0], at[1] * through[1]], 1.0 / points.len() as f64)
             });
-            if !hides {
+            let from_front = (opaque - depth_mm) / d;
+            if meets {
+                let share = if from_behind { 1.0 - from_front } else { from_front };
+                out.on_opaque = before[0] + (after[0] - before[0]) * share;
+            } else if (opaque < depth_mm) == from_behind {
                 out.on_opaque = after[0];
-            } else if opaque >= depth_mm {
-                out.on_opaque = before[0] + (after[0] - before[0]) * ((opaque - depth_mm) / d);
             }
-            return [if hides && self.mutual.opaque_on_opaque { 0.0 } else { after[0] }, after[1]];
+            let gone = if from_behind { is_hidden(depth_mm) } else { hides && self.mutual.opaque_on_opaque };
+            return [if gone { 0.0 } else { after[0] }, after[1]];
         }
         let has_lamp = self.plan.lamp.is_some();
         let mut light = match kernel {
@@ -212,6 +244,7 @@ impl Pass<'_> {
             Kernel::Disc { .. } => return [1.0; 2],
         };
         for slice in 0..self.step.slices {
+            let slice = if from_behind { self.step.slices - 1 - slice } else { slice };
             let front = depth_mm + f64::from(slice) * d;
             let (begin, end) = (front.max(near), (front + d).min(far));
             let (color, extinction) = self.material(&ray, slant, begin, end);
@@ -219,6 +252,26 @@ impl Pass<'_> {
             let to_opaque = opaque.clamp(begin, end);
             let to_ray_end = ray_end.clamp(to_opaque, end);
             let Some(decay) = &self.plan.decay else { return light };
+            if from_behind {
+                let seen = extinction * slant * (to_ray_end - begin);
+                let meets = (front..front + d).contains(&opaque);
+                let through = light.map(|l| through_slice(decay, l, extinction * (end - begin)).1);
+                let shaded = if image_occludes { through[1] } else { light[1] };
+                let blocked = if meets && opaque_occludes { 0.0 } else { f64::INFINITY };
+                let [first, last] = [light[1], shaded].map(|l| l.min(blocked));
+                let lit =
+                    onwards(first, last, seen) * self.strength - (1.0 - self.strength) * (-seen).exp_m1();
+                out.eye.radiance = out.eye.radiance * (-seen).exp() + color * lit;
+                out.eye.transmittance *= (-seen).exp();
+                if meets {
+                    let share = if end > begin { (end - to_opaque) / (end - begin) } else { 1.0 };
+                    out.on_opaque = light[0] * (through[0].max(1e-30) / light[0].max(1e-30)).powf(share);
+                } else if opaque < front {
+                    out.on_opaque = through[0];
+                }
+                light = [if is_hidden(front) { 0.0 } else { through[0] }, shaded.min(blocked)];
+                continue;
+            }
             // Optical thickness up to the opaque surface, up to the end of the eye's ray, and of the whole slice.
             let [in_front, visible, whole] = [to_opaque, to_ray_end, end]
                 .map(|to| extinction * if has_lamp { 1.0 } else { slant } * (to - begin));

@@ -90,6 +90,8 @@ pub(super) fn max_twin_error() -> f64 {
                 (80.0, 5, 2.1, None),
                 (20.0, 2, 0.9, Some((LampFrame::Viewer, -45.0, 45.0))),
                 (40.0, 3, 2.1, Some((LampFrame::Patient, 20.0, 0.0))),
+                (20.0, 2, 0.9, Some((LampFrame::Viewer, 150.0, 30.0))),
+                (40.0, 3, 2.1, Some((LampFrame::Viewer, 180.0, 0.0))),
             ] {
                 scene.clip = if slice_mm > 2.0 {
                     vec![ClipPlane { normal: DVec3::new(0.3, -0.8, 0.5), offset_mm: 5.0 }]

@@ -11,7 +11,7 @@ pub(crate) struct Slices {
     pub slice_mm: f32,
     pub flags: u32,
     pub strength: f32,
-    pub pad: u32,
+    pub lag_px: f32,
     pub decay: [[f32; 4]; 257],
 }
 
@@ -51,7 +51,7 @@ pub(crate) struct Part {
 /// For the test of layouts.
 #[cfg(test)]
 pub(crate) const LAYOUTS: &[crate::layouts::Layout] = &[
-    crate::layouts::layout!(Slices, "Slices": slice_mm, flags, strength, pad, decay),
+    crate::layouts::layout!(Slices, "Slices": slice_mm, flags, strength, lag_px, decay),
     crate::layouts::layout!(Area, "Area": origin, first, per_row),
     crate::layouts::layout!(
         Part, "Part": depth, slices, side, stride, center, radius, radius_mm, share, turn, is_last, columns, pad, shift,

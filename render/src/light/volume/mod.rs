@@ -1,6 +1,6 @@
 //! Light kept in cells of the context image, which its ray march looks up: what modes share that fill such cells.
 //!
-//! Lifetimes: the cells (8 bytes each) once per image and cell size; the uniform once per frame.
+//! Lifetimes: the cells (8 bytes each, 16 where light has colours) once per image and cell size; the uniform once per frame.
 
 use glioscope_core::Grid;
 
@@ -10,12 +10,16 @@ use super::{
 };
 use crate::device::{Gpu, RenderError, buffers::WRITTEN};
 
+const TINT_BINDING: u32 = 39;
+
 struct Held {
     grid: Grid,
     cell_mm: f64,
     cells: Cells,
     /// For each cell what the image lets through, and what both the image and opaque geometry do.
     light: wgpu::Buffer,
+    /// Light of a colour, as lib/light_tints has it, which the ray march then looks up instead.
+    tints: Option<wgpu::Buffer>,
 }
 
 /// The cells on the device.
@@ -34,7 +38,7 @@ impl CellLight {
         self.held = None;
     }
 
-    /// Room for the cells of an image.
+    /// Room for the cells of an image; `tinted`: whether light has a colour.
     ///
     /// # Errors
     /// [`RenderError`]: they don't fit.
@@ -43,9 +47,13 @@ impl CellLight {
         gpu: &Gpu,
         scene: &LitScene<'_>,
         image: &LitImage<'_>,
+        tinted: bool,
     ) -> Result<&Cells, RenderError> {
         let (grid, cell_mm) = (&image.buffers.shape().grid, scene.quality.lighting.cell_mm);
-        let known = self.held.take().filter(|held| held.grid == *grid && held.cell_mm == cell_mm);
+        let known = self
+            .held
+            .take()
+            .filter(|held| held.grid == *grid && held.cell_mm == cell_mm && held.tints.is_some() == tinted);
         let held = match known {
             Some(held) => held,
             None => {
@@ -53,7 +61,8 @@ impl CellLight {
                 let bytes = 8 * cells.count() as u64;
                 gpu.check_size("cells of light", bytes)?;
                 let light = gpu.buffer("CellLight::light", bytes, WRITTEN);
-                Held { grid: grid.clone(), cell_mm, cells, light }
+                let tints = tinted.then(|| gpu.buffer("CellLight::tints", bytes, WRITTEN));
+                Held { grid: grid.clone(), cell_mm, cells, light, tints }
             }
         };
         Ok(&self.held.insert(held).cells)
@@ -87,9 +96,23 @@ impl CellLight {
         Some([(to_light, light.as_entire_binding()), (to_uniform, uniform.as_entire_binding())])
     }
 
+    /// The cells' light of a colour, if it has one, at the binding number of lib/light_tints.
+    pub fn tint_entry(&self) -> Option<(u32, wgpu::BindingResource<'_>)> {
+        self.tints().map(|tints| (TINT_BINDING, tints.as_entire_binding()))
+    }
+
+    /// The same.
+    pub fn tints(&self) -> Option<&wgpu::Buffer> {
+        self.held.as_ref()?.tints.as_ref()
+    }
+
     /// The ray march that looks them up.
     pub fn lit_march(&self) -> Option<LitMarch<'_>> {
-        Some(LitMarch { shader: "cones/march", entries: self.entries()?.to_vec() })
+        let [light, uniform] = self.entries()?;
+        Some(match self.tint_entry() {
+            Some(tints) => LitMarch { shader: "volume/march", entries: vec![uniform, tints] },
+            None => LitMarch { shader: "cones/march", entries: vec![light, uniform] },
+        })
     }
 
     /// The light of the cells, and their uniform.

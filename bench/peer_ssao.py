@@ -114,7 +114,8 @@ def measure(folder, name, frames):
         window.Render()
         kept = pixels_of(window)[0][..., 0].ravel()[scene["pixels"]] / 255
         for value in (kept, linear(kept)):
-            error = float(np.sqrt(np.mean((1 - value - truth) ** 2)))
+            # Without the truth's own noise.
+            error = float(np.sqrt(max(np.mean((1 - value - truth) ** 2) - scene["variance"], 0)))
             if best is None or error < best[0]:
                 best = (error, share)
     look(actors, white=False)

@@ -34,6 +34,8 @@ enum Benchmark {
     Together(loops::together::TogetherArguments),
     /// The closeup on real and made cases, beside a peer: errors of the occlusion, times, pictures
     Closeups(loops::closeups::CloseupsArguments),
+    /// Directional light on geometry alone, on an image alone and on both: table 1 of Schott et al. 2012
+    Combined(loops::combined::CombinedArguments),
     /// Reading and measuring 100,000 fibres
     Tracts,
     /// Reading images: files, or folders with a DICOM series
@@ -56,6 +58,7 @@ fn main() -> ExitCode {
         Benchmark::Turning(arguments) => loops::turning::run(&arguments),
         Benchmark::Together(arguments) => loops::together::run(&arguments),
         Benchmark::Closeups(arguments) => loops::closeups::run(&arguments),
+        Benchmark::Combined(arguments) => loops::combined::run(&arguments),
         Benchmark::Tracts => loops::tracts::run(),
         Benchmark::Images(arguments) => loops::images::run(&arguments),
         Benchmark::ForceField(arguments) => loops::force_field::run(&arguments),

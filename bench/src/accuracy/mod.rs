@@ -34,6 +34,7 @@ use serde::Serialize;
 
 use self::errors::Errors;
 pub use self::skeleton::angle_deg;
+pub(crate) use self::solids::lit_solids;
 use crate::{Outcome, clock::Timing, open_gpu, print_line};
 
 /// All families, in the order of the page.

@@ -322,6 +322,19 @@ fn arrows() -> Outcome<Case<Change>> {
     Ok(Case { name: "arrows of a ball that grew", scene, camera, solids })
 }
 
+/// Scenes of fibres with masks or an image: name, what they hold, scene.
+pub(crate) fn lit_solids() -> Outcome<Vec<(&'static str, String, ContextScene)>> {
+    let described = |case: Case<Context>| {
+        let volume = case.scene.volume.as_ref().map(|v| v.grid().dims().map(|d| d.to_string()).join("x"));
+        let segments = case.solids.capsules.len();
+        let voxels = case.scene.tumor.as_ref().map(|t| t.grid().dims().map(|d| d.to_string()).join("x"));
+        let image = volume.map_or("no image".to_owned(), |v| format!("image of {v}"));
+        let masks = voxels.map_or(String::new(), |v| format!(", masks of {v}"));
+        (case.name, format!("{image}, {segments} segments{masks}"), case.scene)
+    };
+    Ok([sheet()?, bundle()?, bundle_in_image()?].map(described).into_iter().collect())
+}
+
 fn kernels() -> Vec<(String, (f64, Quality))> {
     let mut out = Vec::new();
     for mode in [LightingMode::Slices, LightingMode::Cones] {

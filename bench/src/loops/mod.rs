@@ -2,6 +2,7 @@
 
 pub mod change;
 pub mod closeups;
+pub mod combined;
 pub mod ellipsoids;
 pub mod fluency;
 pub mod force_field;

@@ -275,10 +275,11 @@ impl LightSample {
             seen.push((1.0 - through, at_mm, optics.color));
         }
         let opacity = 1.0 - through;
-        // Places of equal shares of what is seen, and one ray of light at each.
+        // Independent places by how much of each is seen, and one ray of light at each: equal shares would have less noise than
+        // their spread tells, and more than it would be taken out.
         let found: Vec<DVec3> = (0..rays)
-            .filter_map(|n| {
-                let share = (f64::from(n) + random.unit()) / f64::from(rays) * opacity;
+            .filter_map(|_| {
+                let share = random.unit() * opacity;
                 let (_, at_mm, color) = seen.get(seen.partition_point(|s| s.0 < share))?;
                 let light = known.light(*at_mm, -sight.direction, phase, &mut random);
                 Some(*color * (opacity * (1.0 - self.strength + self.strength * light)))

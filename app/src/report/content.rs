@@ -434,7 +434,10 @@ impl Content<'_> {
             Some(day) => words.with("alignment-accepted", &[("date", day.clone())]),
             None => words.get("alignment-not-accepted"),
         };
-        (what, [Some(how), consistency, around, Some(seen)].into_iter().flatten().collect::<Vec<_>>().join("; "))
+        (
+            what,
+            [Some(how), consistency, around, Some(seen)].into_iter().flatten().collect::<Vec<_>>().join("; "),
+        )
     }
 
     /// The volume of each mask over the dates, names of the dates, and their places on a time axis.

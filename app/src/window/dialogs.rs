@@ -199,9 +199,9 @@ pub fn desktop_chooser() -> Chooser {
         }
         let answer = match (purpose, purpose.file_name()) {
             (Purpose::OpenFolder | Purpose::OpenCohort, _) => dialog.pick_folder(),
-            (Purpose::Transform(_), _) => {
-                dialog.add_filter("Transforms", &["tfm", "txt", "mat", "h5", "hdf5", "lta", "dat"]).pick_file()
-            }
+            (Purpose::Transform(_), _) => dialog
+                .add_filter("Transforms", &["tfm", "txt", "mat", "h5", "hdf5", "lta", "dat"])
+                .pick_file(),
             (Purpose::OpenTransfer, _) => dialog.add_filter("Transfer functions", &["json"]).pick_file(),
             (_, None) => dialog
                 .add_filter(format!("Cases, {} files, sessions", volume_names()), &case_filter())

@@ -49,8 +49,8 @@ pub use order::{OrderBasis, unordered_times};
 pub use proposal::{Problem, Proposal, ProposedFile, ProposedMask, Role};
 pub(crate) use registration::in_two_spaces;
 pub use registration::{
-    Around, CaseRegistration, NOT_ALIGNED_MM, P95_OF_UNIT_ERRORS, RegisterCase, Registered, apart_mm, register_dates,
-    register_images,
+    Around, CaseRegistration, NOT_ALIGNED_MM, P95_OF_UNIT_ERRORS, RegisterCase, Registered, apart_mm,
+    register_dates, register_images,
 };
 pub use scheme::{Scheme, SchemeGroup, SchemeLabel};
 pub use study::is_study;

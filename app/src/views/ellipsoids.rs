@@ -142,7 +142,8 @@ impl Pane for EllipsoidPane {
         if !input.is_plain && !input.is_picture {
             ui.horizontal_wrapped(|ui| controls(ui, &input, out));
         }
-        let rect = ui.available_rect_before_wrap();
+        // What controls that are too wide stick out by is not the pane's.
+        let rect = ui.available_rect_before_wrap().intersect(ui.clip_rect());
         let response = ui.allocate_rect(rect, Sense::click_and_drag());
         let Some(graphics) = stage.graphics else {
             draw::message(ui, rect, "No graphics adapter: the ellipsoid diagram can't be drawn.");
@@ -348,7 +349,10 @@ fn controls(ui: &mut Ui, input: &Input<'_>, out: &mut Commands) {
         }
     }
     ui.spacing_mut().slider_width = 56.0;
-    let response = ui.add(Slider::new(&mut new.opacity, 0.05..=1.0).fixed_decimals(2).text("opacity"));
+    let slider = Slider::new(&mut new.opacity, 0.05..=1.0).fixed_decimals(2);
+    // A slider isn't wrapped: in a narrow pane its word would stick out.
+    let is_narrow = ui.max_rect().width() < OPACITY_WORD_POINTS;
+    let response = ui.add(if is_narrow { slider } else { slider.text("opacity") });
     response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, "Opacity of ellipsoids"));
     response.on_hover_text("Opacity of all ellipsoids");
     let drag = egui::DragValue::new(&mut new.smallest_ml).range(0.0..=1000.0).speed(0.01).suffix(" ml");
@@ -371,6 +375,8 @@ fn controls(ui: &mut Ui, input: &Input<'_>, out: &mut Commands) {
     }
 }
 
+/// Width of the pane from which on the slider of opacity has its word, points.
+const OPACITY_WORD_POINTS: f32 = 385.0;
 /// Ratio of an enclosing ellipsoid's volume to its component's from which the picture says so; of any box it is 2.7.
 const MUCH_LARGER: f64 = 5.0;
 /// Most ellipsoids named as much larger than their components.

@@ -23,6 +23,8 @@ use crate::{
 const ROW_PT: f32 = 24.0;
 /// Size of a histogram, points.
 const HISTOGRAM_PT: [f32; 2] = [82.0, 16.0];
+/// Width of the pane from which on the table of values has wide columns, points.
+const WIDE_PT: f32 = 490.0;
 
 /// The pane of the list of measurements.
 #[derive(Default)]
@@ -83,14 +85,14 @@ fn region(ui: &mut Ui, name: &str, found: &Statistics) {
             format::count(found.voxels),
             found.image
         ));
-        histogram(ui, name, found.histogram.as_ref());
+        histogram(ui, name, found.histogram.as_ref(), HISTOGRAM_PT[0]);
     });
 }
 
 /// The histogram of values of a region as bars, the highest as high as there is room for; nothing where all values are the same.
-fn histogram(ui: &mut Ui, of: &str, bins: Option<&ValueHistogram>) {
+fn histogram(ui: &mut Ui, of: &str, bins: Option<&ValueHistogram>, width_pt: f32) {
     let Some(bins) = bins else { return };
-    let (rect, response) = ui.allocate_exact_size(HISTOGRAM_PT.into(), Sense::hover());
+    let (rect, response) = ui.allocate_exact_size(vec2(width_pt, HISTOGRAM_PT[1]), Sense::hover());
     let most = bins.counts.iter().copied().max().unwrap_or(0).max(1) as f32;
     let width = rect.width() / bins.counts.len() as f32;
     let color = ui.visuals().weak_text_color();
@@ -169,12 +171,15 @@ fn values(ui: &mut Ui, stage: &mut Stage<'_>) {
         }
     };
     ui.spacing_mut().item_spacing.x = 4.0;
-    let titles = ["Mask", "Mean", "SD", "Least", "Most", "Peak", "Histogram"];
+    let is_wide = ui.available_width() >= WIDE_PT;
+    let (number_pt, histogram_pt) = if is_wide { (62.0, HISTOGRAM_PT[0]) } else { (50.0, 44.0) };
+    let last = if is_wide { "Histogram" } else { "" };
+    let titles = ["Mask", "Mean", "SD", "Least", "Most", "Peak", last];
     let table = TableBuilder::new(ui).id_salt("values").vscroll(false).striped(true);
     let table = table.cell_layout(Layout::left_to_right(Align::Center));
     let table = table.column(Column::remainder().at_least(60.0).clip(true));
-    let table = table.columns(Column::exact(62.0).clip(true), titles.len() - 2);
-    let table = table.column(Column::exact(HISTOGRAM_PT[0]));
+    let table = table.columns(Column::exact(number_pt).clip(true), titles.len() - 2);
+    let table = table.column(Column::exact(histogram_pt));
     table
         .header(ROW_PT - 4.0, |mut row| {
             for title in titles {
@@ -200,7 +205,7 @@ fn values(ui: &mut Ui, stage: &mut Stage<'_>) {
                     }
                     row.col(|ui| {
                         let name = input.doc.edit.masks.name(&of_mask.mask);
-                        histogram(ui, &name, of_mask.histogram.as_ref());
+                        histogram(ui, &name, of_mask.histogram.as_ref(), histogram_pt);
                     });
                 });
             }

@@ -69,8 +69,8 @@ fn layouts_of_few_and_many_masks_and_dates_as_pictures() {
         let theme = if is_dark { Theme::Dark } else { Theme::Light };
         let (size, scale) = if is_large { ([1920.0, 1080.0], 2.0) } else { ([1280.0, 720.0], 1.0) };
         let mut harness = window_on(case, size, theme);
-        // In points: a picture of twice as many pixels at a scale of 2.
-        harness.set_pixels_per_point(scale).set_size(size.into());
+        // The size is in points of a scale of 1: a picture of twice as many pixels at a scale of 2.
+        harness.set_pixels_per_point(scale).set_size(Vec2::from(size) * scale);
         harness.run_ok();
         perform(&mut harness, EditCommand::SetTask(task));
         if task == T::Fusion {

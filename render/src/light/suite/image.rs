@@ -392,9 +392,10 @@ fn setting_rows() -> Vec<(Row, &'static str, &'static str)> {
         (of("lamp aside", lamp(-45.0, 45.0, 20.0)), "", ""),
         (of("lamp NaN, infinite", lamp(f64::NAN, f64::INFINITY, 20.0)), "", ""),
         (of("lamp beside", lamp(90.0, 0.0, 5.0)), "lamp 90 degrees from the line of sight: 75 is used", ""),
+        (of("lamp right behind", lamp(180.0, 0.0, 5.0)), "", ""),
         (
-            of("lamp right behind", lamp(180.0, 0.0, 5.0)),
-            "lamp 180 degrees from the line of sight: 75 is used",
+            of("lamp beside, behind", lamp(100.0, 0.0, 5.0)),
+            "lamp 80 degrees from the line of sight, behind the scene: 75 is used",
             "",
         ),
         (of("lamp aside, wide", lamp(0.0, 60.0, 60.0)), "aperture 60 degrees: 25 is used", ""),

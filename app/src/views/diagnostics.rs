@@ -10,6 +10,7 @@ use glioscope_render::{
 };
 
 use super::{
+    draw::name_widget,
     pane::{Pane, Stage},
     view3d::ScreenReport,
 };
@@ -165,6 +166,7 @@ impl DiagnosticsPane {
             return;
         }
         let button = ui.button("Measure the error of this frame");
+        name_widget(ui, &button, &format!("Measure the error of this frame: {}", frame.0.tab()));
         if button
             .on_hover_text(
                 "Compares some thousand of its pixels with rays past masks and fibres and through the image.",

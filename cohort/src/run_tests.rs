@@ -101,7 +101,7 @@ fn a_case_without_masks_fails_and_results_are_described_as_derived() {
     assert_eq!(described["DatasetType"], "derivative");
     assert_eq!(described["GeneratedBy"][0]["Name"], "Glioscope");
     // One that is there is another's.
-    std::fs::write(&path, "{}").unwrap();
+    write_whole(&path, b"{}").unwrap();
     made.run(1, None, &Progress::new()).unwrap();
     assert_eq!(std::fs::read(&path).unwrap(), b"{}");
 }

@@ -87,7 +87,7 @@ pub enum EditCommand {
     SetLamp(Lamp),
     /// Whether the cone of light points to the lamp instead of to the eye.
     SetTowardsLamp(bool),
-    SetShading(Shading),
+    SetShading(Box<Shading>),
     // Measuring.
     AddRuler(Box<Ruler>),
     RenameRuler(usize, String),
@@ -311,7 +311,7 @@ impl EditCommand {
             Self::SetLamp(_) => Label::new("Place of the lamp"),
             Self::SetTowardsLamp(true) => Label::new("Light from the lamp"),
             Self::SetTowardsLamp(false) => Label::new("Light from the eye"),
-            Self::SetShading(shading) if *shading == Shading::default() => {
+            Self::SetShading(shading) if **shading == Shading::default() => {
                 Label::new("Shading as the lighting mode has it")
             }
             Self::SetShading(_) => Label::new("Shading"),
@@ -496,7 +496,7 @@ impl EditCommand {
             Self::SetAperture(degrees) => edit.light.aperture_deg = *degrees,
             Self::SetLamp(lamp) => edit.light.lamp = *lamp,
             Self::SetTowardsLamp(on) => edit.light.towards_lamp = *on,
-            Self::SetShading(shading) => edit.light.shading = *shading,
+            Self::SetShading(shading) => edit.light.shading = **shading,
             Self::AddRuler(ruler) => {
                 if ruler.length_mm().is_finite() && edit.rulers.len() < MOST_RULERS {
                     edit.rulers.push((**ruler).clone());

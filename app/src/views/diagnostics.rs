@@ -156,7 +156,7 @@ impl DiagnosticsPane {
         if let Some((_, sample)) = self.sample.as_ref().filter(|(number, _)| *number == frame) {
             let sample = Arc::clone(sample);
             match self.measured.get(frame, ask, move |progress| Ok(sample.measure(progress)?)) {
-                Lookup::Ready(errors) => ui.label(measured_text(&errors)),
+                Lookup::Ready(errors) => ui.label(measured_text(errors)),
                 Lookup::Working(progress) => ui.label(format!("Measuring: {}", progress_text(progress))),
                 Lookup::Failed(why) => ui.label(why.to_string()),
             };

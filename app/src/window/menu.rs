@@ -232,7 +232,7 @@ impl Bar<'_> {
             out.push(EditCommand::SetLamp(lamp));
         }
         if let Some(shading) = shading(ui, choice) {
-            out.push(EditCommand::SetShading(shading));
+            out.push(EditCommand::SetShading(Box::new(shading)));
         }
     }
 }

@@ -231,7 +231,7 @@ mod tests {
         for n in 0..600 {
             let direction = match n % 3 {
                 0 => DVec3::AXES[n % 9 / 3],
-                _ => place(2.0).normalize(),
+                _ => place(2.0).normalize_or(DVec3::X),
             };
             let ray = Ray { origin_mm: place(80.0), direction };
             let far_mm = [5.0, 30.0, 1e4][n % 5 % 3];

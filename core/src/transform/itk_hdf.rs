@@ -84,6 +84,7 @@ fn wrong(found: impl Into<String>) -> Refusal {
     Refusal::new(found, EXPECTED)
 }
 
+#[allow(clippy::needless_pass_by_value, reason = "as `map_err` passes it")]
 fn broken(error: Error) -> Refusal {
     wrong(format!("HDF5 that can't be read: {}", quoted(&error.to_string())))
 }

@@ -38,7 +38,7 @@ fn the_lighting_mode_is_chosen_in_the_menu_undone_and_saved() {
     perform(&mut harness, EditCommand::SetPreset(Some(Preset::Draft)));
     perform(&mut harness, EditCommand::SetAperture(40.0));
     let shading = Shading { ambient_share: Some(0.1), occlusion_radius_mm: Some(4.0), ..Shading::default() };
-    perform(&mut harness, EditCommand::SetShading(shading));
+    perform(&mut harness, EditCommand::SetShading(Box::new(shading)));
     let expected = LightChoice {
         shading,
         mode: LightingMode::Cones,
@@ -146,7 +146,7 @@ fn shading_is_set_in_the_menu_and_put_back() {
     assert_eq!(pane_picture(&mut harness, PaneId::Closeup), before);
     // All of the light ambient leaves no occlusion, no relief leaves flat colours: the cut of T1 has its colour.
     let flat = Shading { ambient_share: Some(1.0), relief: Some(0.0), ..Shading::default() };
-    perform(&mut harness, EditCommand::SetShading(flat));
+    perform(&mut harness, EditCommand::SetShading(Box::new(flat)));
     let flat = pane_picture(&mut harness, PaneId::Closeup);
     let pure = |picture: &_| count_color(picture, MASK_COLORS[0], 2);
     assert!(pure(&flat) > 1000 + pure(&before), "{} of {}", pure(&before), pure(&flat));

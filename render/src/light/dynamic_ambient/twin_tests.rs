@@ -79,7 +79,7 @@ pub(super) fn max_twin_error() -> f64 {
     let mut worst = 0.0f64;
     let mut renderer = ContextRenderer::new(&GPU).unwrap();
     let cut = [
-        ClipPlane { normal: DVec3::new(0.3, -0.8, 0.5).normalize(), offset_mm: 5.0 },
+        ClipPlane { normal: DVec3::new(0.3, -0.8, 0.5).normalize_or(DVec3::X), offset_mm: 5.0 },
         ClipPlane { normal: DVec3::X, offset_mm: 9.5 },
     ];
     let whole: &[ClipPlane] = &[];

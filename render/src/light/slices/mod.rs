@@ -347,7 +347,7 @@ impl SliceLight {
             _ => OpaqueBounds::Anywhere,
         };
         // In the paper's variants; in the mended one layers do, which know no light from behind.
-        let from_behind = plan.from_behind();
+        let from_behind = plan.is_lit_from_behind();
         let opaque_on_opaque =
             (settings.variant != SliceVariant::Mended || from_behind) && mutual.opaque_on_opaque;
         let occluders = (mutual.opaque_on_image || opaque_on_opaque, mutual.image_on_image);

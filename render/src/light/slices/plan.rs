@@ -275,7 +275,7 @@ impl SlicePlan {
     }
 
     /// Whether light crosses the slices from back to front.
-    pub fn from_behind(&self) -> bool {
+    pub fn is_lit_from_behind(&self) -> bool {
         self.lamp.is_some_and(|cone| cone.from_behind)
     }
 

@@ -256,7 +256,7 @@ pub(crate) fn step_rects_in_groups(
     let front = |k: usize| steps[k].depth_mm - margin_mm;
     let back = |k: usize| steps[k].depth_mm + f64::from(steps[k].slices) * plan.slice_mm + margin_mm;
     let last = steps.len().saturating_sub(1);
-    let from_behind = plan.from_behind();
+    let from_behind = plan.is_lit_from_behind();
     // From front to back.
     let in_depth = |n: usize| if from_behind { last - n } else { n };
     let backs: Vec<f64> = (0..steps.len()).map(|n| back(in_depth(n))).collect();

@@ -162,7 +162,7 @@ impl Pass<'_> {
         let opaque_occludes = self.mutual.opaque_on_image;
         let image_occludes = self.mutual.image_on_image;
         let Step { depth_mm, kernel, .. } = *self.step;
-        let from_behind = self.plan.from_behind();
+        let from_behind = self.plan.is_lit_from_behind();
         // A lamp behind the scene is hidden from surfaces by all that is behind them, but for so much.
         let lag_mm = self.plan.lamp.map_or(0.0, |cone| cone.lag_px()) * self.sight.pixel_mm(opaque.min(1e9));
         let is_hidden = |front: f64| self.mutual.opaque_on_opaque && front > opaque + lag_mm;

@@ -260,8 +260,7 @@ impl Run<'_> {
             if step(&steps::first(case, self.options))? == State::Done {
                 let found = found(&part.folder().join(steps::MEASURE))?;
                 if found.lacks_masks {
-                    let measured = steps.last_mut();
-                    if let Some(measured) = measured {
+                    if let Some(measured) = steps.last_mut() {
                         (measured.state, measured.error) = (State::Failed, Some(NO_MASK.to_owned()));
                     }
                 } else {

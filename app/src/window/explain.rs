@@ -1,7 +1,7 @@
 //! The mode for explaining: big words, two views, the size in true size, and the dates one after the other. Nothing in it names
 //! the patient: neither menu, status line, nor names and dates of the case.
 
-use std::time::Duration;
+use std::{rc::Rc, time::Duration};
 
 use egui::{Align, Button, Color32, Key, Layout, Rect, RichText, Sense, Slider, Stroke, Ui, pos2, vec2};
 
@@ -27,10 +27,11 @@ const POINTS_PER_MM: f32 = 96.0 / 25.4;
 const CARD_MM: f32 = 85.6;
 
 /// The state of the mode.
+#[derive(Clone)]
 pub struct Explain {
     language: Language,
     /// The sentences of that language.
-    words: Words,
+    words: Rc<Words>,
     /// Time of the last step in seconds of egui's clock, during playback.
     playing_since: Option<f64>,
     points_per_mm: f32,
@@ -41,7 +42,7 @@ impl Explain {
     /// The mode in a language, on a screen with so many points per millimetre; `None`: not known.
     pub fn new(points_per_mm: Option<f32>, language: Language) -> Self {
         let points_per_mm = points_per_mm.filter(|p| (1.0..=20.0).contains(p)).unwrap_or(POINTS_PER_MM);
-        Self { language, words: words(language), playing_since: None, points_per_mm, fits: false }
+        Self { language, words: Rc::new(words(language)), playing_since: None, points_per_mm, fits: false }
     }
 
     /// The language, as the user chose it.
@@ -91,7 +92,7 @@ pub fn show(ui: &mut Ui, explain: &mut Explain, area: &mut PaneArea<'_>) -> bool
                     Language::De => (Language::En, "English"),
                 };
                 if ui.add(Button::new(big(name))).clicked() {
-                    (explain.language, explain.words) = (other, words(other));
+                    (explain.language, explain.words) = (other, Rc::new(words(other)));
                 }
             });
         });

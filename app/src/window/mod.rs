@@ -474,7 +474,7 @@ impl GlioscopeApp {
     fn explaining(&mut self, ui: &mut Ui, out: &mut Commands) {
         let Some(mut explain) = self.explain.take() else { return };
         let mut ends = false;
-        self.explain = Some(Explain::new(None, explain.language()));
+        self.explain = Some(explain.clone());
         self.with_panes(ui, None, out, |ui, area| ends = explain::show(ui, &mut explain, area));
         self.explain = Some(explain);
         if ends {

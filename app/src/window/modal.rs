@@ -2,6 +2,8 @@
 
 use egui::{Context, Id, Key, Modifiers, Ui};
 
+use crate::words::Language;
+
 /// What the user answered in this frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Reply {
@@ -53,4 +55,10 @@ pub fn entered(ui: &Ui, field: &egui::Response) -> bool {
 /// Whether a dialog was shown in the last frame.
 pub fn is_open(ctx: &Context) -> bool {
     ctx.memory(|memory| memory.top_modal_layer().is_some())
+}
+
+/// The choice of the language of something that is written.
+pub fn language(ui: &mut Ui, language: &mut Language) {
+    ui.radio_value(language, Language::En, "English");
+    ui.radio_value(language, Language::De, "Deutsch");
 }

@@ -84,10 +84,7 @@ pub fn show(
             });
             ui.end_row();
             ui.label("Language");
-            ui.vertical(|ui| {
-                ui.radio_value(&mut options.language, Language::En, "English");
-                ui.radio_value(&mut options.language, Language::De, "Deutsch");
-            });
+            ui.vertical(|ui| modal::language(ui, &mut options.language));
             ui.end_row();
         });
         if let Some(doc) = &work.doc {

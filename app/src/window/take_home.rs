@@ -11,7 +11,6 @@ use crate::{
     error::AppError,
     model::{Document, take_home::MOST_PAGE_TEXT},
     output, page,
-    words::Language,
     world::{
         World,
         jobs::{Ask, Lookup, progress_text},
@@ -42,10 +41,7 @@ pub fn show(
         ui.add_space(6.0);
         Grid::new("page").num_columns(2).spacing([16.0, 8.0]).show(ui, |ui| {
             ui.label("Language");
-            ui.horizontal(|ui| {
-                ui.radio_value(&mut new.language, Language::En, "English");
-                ui.radio_value(&mut new.language, Language::De, "Deutsch");
-            });
+            ui.horizontal(|ui| modal::language(ui, &mut new.language));
             ui.end_row();
             ui.label("With");
             ui.horizontal(|ui| {
@@ -56,12 +52,13 @@ pub fn show(
         });
         ui.add_space(6.0);
         let label = ui.strong("Words").on_hover_text("Empty lines separate paragraphs; # begins a heading");
-        let proposed = proposals.get(case, doc, ask);
-        let (words, waiting) = match (&old.text, proposed) {
-            (Some(text), _) => (text.clone(), None),
-            (None, Lookup::Ready(text)) => ((**text).clone(), None),
-            (None, Lookup::Working(progress)) => (String::new(), Some(progress_text(progress))),
-            (None, Lookup::Failed(error)) => (String::new(), Some(error.to_string())),
+        let (words, waiting) = match &old.text {
+            Some(text) => (text.clone(), None),
+            None => match proposals.get(case, doc, ask) {
+                Lookup::Ready(text) => ((**text).clone(), None),
+                Lookup::Working(progress) => (String::new(), Some(progress_text(progress))),
+                Lookup::Failed(error) => (String::new(), Some(error.to_string())),
+            },
         };
         let mut typed = words.clone();
         ScrollArea::vertical().max_height(WORDS_POINTS).min_scrolled_height(WORDS_POINTS).show(ui, |ui| {

@@ -66,9 +66,7 @@ impl Judge<'_> {
                 let effect = effect(&mut Look::Assuming);
                 let (Reason { rule, phrase, .. }, _) = effect.progression()?;
                 let words = say::AS_ASSUMED.with([("reason", phrase.clone().into())]);
-                Some(
-                    rule.map_or_else(|| Reason::plain(words.clone()), |rule| Reason::of(rule, words.clone())),
-                )
+                Some(Reason { rule: *rule, ..Reason::plain(words) })
             }));
             return Pattern { kind: Kind::Progression, reasons, dated };
         }

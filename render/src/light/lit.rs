@@ -183,6 +183,20 @@ pub(crate) struct Probe<'a> {
     pub pixels: Option<&'a wgpu::Buffer>,
 }
 
+#[cfg(test)]
+impl Probe<'_> {
+    /// The coloured light of each cell; none where light has no colour.
+    pub fn read_tints(&self) -> Vec<DVec3> {
+        let Some(tints) = self.tints else { return Vec::new() };
+        let read = crate::testing::GPU.read_buffers(&[(tints, 0, tints.size())]).unwrap();
+        let found: Vec<[u16; 4]> = bytemuck::pod_collect_to_vec(&read[0]);
+        found
+            .iter()
+            .map(|[r, g, b, _]| DVec3::new(f64::from(*r), f64::from(*g), f64::from(*b)) / 65535.0)
+            .collect()
+    }
+}
+
 /// What the test suite needs from a lighting mode.
 #[cfg(test)]
 #[derive(Clone, Copy)]

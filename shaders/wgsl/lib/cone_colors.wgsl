@@ -10,21 +10,13 @@ fn cell_look(at: u32) -> vec4<f32> {
 
 // As `level_at`.
 fn level_look(p: vec3<f32>, number: u32) -> vec4<f32> {
-    let level = cones.levels[number];
-    let at = clamp(p * level.scale - 0.5, vec3<f32>(0.0), vec3<f32>(level.dims) - 1.0);
-    let low = min(vec3<u32>(at), max(level.dims, vec3<u32>(2u)) - 2u);
-    let high = min(low + 1u, level.dims - 1u);
-    let f = at - vec3<f32>(low);
-    let sheet = level.dims.x * level.dims.y;
-    let y0 = level.start + low.z * sheet + low.y * level.dims.x;
-    let y1 = level.start + low.z * sheet + high.y * level.dims.x;
-    let y2 = level.start + high.z * sheet + low.y * level.dims.x;
-    let y3 = level.start + high.z * sheet + high.y * level.dims.x;
-    let a = mix(cell_look(y0 + low.x), cell_look(y0 + high.x), f.x);
-    let b = mix(cell_look(y1 + low.x), cell_look(y1 + high.x), f.x);
-    let c = mix(cell_look(y2 + low.x), cell_look(y2 + high.x), f.x);
-    let e = mix(cell_look(y3 + low.x), cell_look(y3 + high.x), f.x);
-    return mix(mix(a, b, f.y), mix(c, e, f.y), f.z);
+    let c = cells_about(p, number);
+    let f = c.fraction;
+    let a = mix(cell_look(c.rows.x + c.low), cell_look(c.rows.x + c.high), f.x);
+    let b = mix(cell_look(c.rows.y + c.low), cell_look(c.rows.y + c.high), f.x);
+    let d = mix(cell_look(c.rows.z + c.low), cell_look(c.rows.z + c.high), f.x);
+    let e = mix(cell_look(c.rows.w + c.low), cell_look(c.rows.w + c.high), f.x);
+    return mix(mix(a, b, f.y), mix(d, e, f.y), f.z);
 }
 
 // As `extinction_at`.

@@ -52,22 +52,33 @@ var<private> gathered: vec3<f32>;
 // Whether the cone is around the direction to a lamp far away.
 override towards_lamp: bool = false;
 
-fn level_at(p: vec3<f32>, number: u32) -> f32 {
+// The eight cells about a point of a level, for trilinear interpolation: four rows along x, and two cells of each.
+struct CellsAbout {
+    rows: vec4<u32>,
+    low: u32,
+    high: u32,
+    fraction: vec3<f32>,
+}
+
+fn cells_about(p: vec3<f32>, number: u32) -> CellsAbout {
     let level = cones.levels[number];
     let at = clamp(p * level.scale - 0.5, vec3<f32>(0.0), vec3<f32>(level.dims) - 1.0);
     let low = min(vec3<u32>(at), max(level.dims, vec3<u32>(2u)) - 2u);
     let high = min(low + 1u, level.dims - 1u);
-    let f = at - vec3<f32>(low);
     let sheet = level.dims.x * level.dims.y;
-    let y0 = level.start + low.z * sheet + low.y * level.dims.x;
-    let y1 = level.start + low.z * sheet + high.y * level.dims.x;
-    let y2 = level.start + high.z * sheet + low.y * level.dims.x;
-    let y3 = level.start + high.z * sheet + high.y * level.dims.x;
-    let a = mix(prefiltered[y0 + low.x], prefiltered[y0 + high.x], f.x);
-    let b = mix(prefiltered[y1 + low.x], prefiltered[y1 + high.x], f.x);
-    let c = mix(prefiltered[y2 + low.x], prefiltered[y2 + high.x], f.x);
-    let e = mix(prefiltered[y3 + low.x], prefiltered[y3 + high.x], f.x);
-    return mix(mix(a, b, f.y), mix(c, e, f.y), f.z);
+    let rows = level.start + vec4<u32>(low.z, low.z, high.z, high.z) * sheet
+        + vec4<u32>(low.y, high.y, low.y, high.y) * level.dims.x;
+    return CellsAbout(rows, low.x, high.x, at - vec3<f32>(low));
+}
+
+fn level_at(p: vec3<f32>, number: u32) -> f32 {
+    let c = cells_about(p, number);
+    let f = c.fraction;
+    let a = mix(prefiltered[c.rows.x + c.low], prefiltered[c.rows.x + c.high], f.x);
+    let b = mix(prefiltered[c.rows.y + c.low], prefiltered[c.rows.y + c.high], f.x);
+    let d = mix(prefiltered[c.rows.z + c.low], prefiltered[c.rows.z + c.high], f.x);
+    let e = mix(prefiltered[c.rows.w + c.low], prefiltered[c.rows.w + c.high], f.x);
+    return mix(mix(a, b, f.y), mix(d, e, f.y), f.z);
 }
 
 fn extinction_at(p: vec3<f32>, level: f32) -> f32 {

@@ -51,17 +51,6 @@ fn looks(extinctions: &[f64]) -> Vec<Look> {
     extinctions.iter().map(|per_mm| Look { extinction: *per_mm, color: DVec3::new(0.8, 0.2, 0.0) }).collect()
 }
 
-/// The light of a colour in each cell of the last frame; none where it has no colour.
-fn tints(renderer: &ContextRenderer) -> Vec<DVec3> {
-    let Some(tints) = renderer.lights().probe().tints else { return Vec::new() };
-    let found: Vec<[u16; 4]> =
-        bytemuck::pod_collect_to_vec(&GPU.read_buffers(&[(tints, 0, tints.size())]).unwrap()[0]);
-    found
-        .iter()
-        .map(|[r, g, b, _]| DVec3::new(f64::from(*r), f64::from(*g), f64::from(*b)) / 65535.0)
-        .collect()
-}
-
 fn drawn(renderer: &mut ContextRenderer, scene: &ContextScene, quality: &Quality) -> Vec<f64> {
     renderer.render(&GPU, scene, quality, SIZE).unwrap();
     let [light, _] = renderer.lights().probe().grid.unwrap();
@@ -98,7 +87,7 @@ pub(super) fn max_twin_error() -> f64 {
         let quality = lit(6.0, 1024);
         let lighting = LightSettings { tissue_bleeding, ..quality.lighting };
         let found = drawn(&mut renderer, &scene, &Quality { lighting, ..quality });
-        let tints = tints(&renderer);
+        let tints = renderer.lights().probe().read_tints();
         assert_eq!(tints.len(), if with_tumor { found.len() } else { 0 });
         assert_eq!((found.len(), cells.count()), (216, 216));
         let dims = grid.dims();

@@ -78,22 +78,11 @@ fn shown(scene: &ContextScene) -> Option<OpaqueVoxels> {
     Some(OpaqueVoxels::new(tumor.grid().clone(), shows))
 }
 
-/// Coloured light of all cells; none where light has no colour.
-fn found_tints(renderer: &ContextRenderer) -> Vec<DVec3> {
-    let Some(tints) = renderer.lights().probe().tints else { return Vec::new() };
-    let found: Vec<[u16; 4]> =
-        bytemuck::pod_collect_to_vec(&GPU.read_buffers(&[(tints, 0, tints.size())]).unwrap()[0]);
-    found
-        .iter()
-        .map(|[r, g, b, _]| DVec3::new(f64::from(*r), f64::from(*g), f64::from(*b)) / 65535.0)
-        .collect()
-}
-
 /// Largest difference of a cell from the twin; shares of cells that weren't compared because rounding decides them, and that masks
 /// shade.
 fn twin_error(renderer: &mut ContextRenderer, scene: &ContextScene, quality: &Quality) -> [f64; 3] {
     renderer.render(&GPU, scene, quality, SIZE).unwrap();
-    let (found, tints) = (found(renderer), found_tints(renderer));
+    let (found, tints) = (found(renderer), renderer.lights().probe().read_tints());
     let settings = Clamped::of(&quality.lighting);
     let sight = Sight::new(&scene.camera, SIZE);
     // Sub-cones that share the sphere.

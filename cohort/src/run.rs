@@ -2,7 +2,7 @@
 
 use std::{
     collections::VecDeque,
-    fs::OpenOptions,
+    fs::{File, OpenOptions},
     io::Write as _,
     path::{Path, PathBuf},
     process::Command,
@@ -239,6 +239,7 @@ impl Run<'_> {
         let part = lock.part(self.resources.work.as_deref())?;
         let mut steps = Vec::new();
         if let Some(error) = unreadable {
+            logged(part.folder(), &error)?;
             steps.push(not_run(Step::Measure, State::Failed, Some(error)));
         } else {
             let mut is_too_large = false;
@@ -260,6 +261,7 @@ impl Run<'_> {
             if step(&steps::first(case, self.options))? == State::Done {
                 let found = found(&part.folder().join(steps::MEASURE))?;
                 if found.lacks_masks {
+                    logged(part.folder(), NO_MASK)?;
                     if let Some(measured) = steps.last_mut() {
                         (measured.state, measured.error) = (State::Failed, Some(NO_MASK.to_owned()));
                     }
@@ -308,14 +310,9 @@ impl Run<'_> {
 
     /// Runs one step in the folder of results that are being made.
     fn step(&self, step: &StepCommand, folder: &Path, memory_mb: Option<u64>) -> Result<Ended, CohortError> {
-        let writable =
-            |path: &Path, e: &std::io::Error| CohortError::io(path, e, "a place that can be written");
-        let log_path = folder.join(LOG);
-        let log = OpenOptions::new().create(true).append(true).read(true).open(&log_path);
-        let mut log = log.map_err(|e| writable(&log_path, &e))?;
         let words: Vec<String> =
             step.arguments.iter().map(|word| word.to_string_lossy().into_owned()).collect();
-        writeln!(log, "$ glioscope {}", words.join(" ")).map_err(|e| writable(&log_path, &e))?;
+        let log = logged(folder, &format!("$ glioscope {}", words.join(" ")))?;
         let output = folder.join(&step.output);
         let answer = match step.answers {
             true => {
@@ -343,6 +340,19 @@ impl Run<'_> {
         }
         Ok(ended)
     }
+}
+
+fn writable(path: &Path, e: &std::io::Error) -> CohortError {
+    CohortError::io(path, e, "a place that can be written")
+}
+
+/// The log of a case, with this line more.
+fn logged(folder: &Path, line: &str) -> Result<File, CohortError> {
+    let path = folder.join(LOG);
+    let log = OpenOptions::new().create(true).append(true).read(true).open(&path);
+    let mut log = log.map_err(|e| writable(&path, &e))?;
+    writeln!(log, "{line}").map_err(|e| writable(&path, &e))?;
+    Ok(log)
 }
 
 /// A step that no process was started for.

@@ -96,6 +96,8 @@ fn a_case_without_masks_fails_and_results_are_described_as_derived() {
     let outcomes = made.run(1, None, &Progress::new()).unwrap();
     assert_eq!(outcomes[0], Outcome::Done);
     assert!(matches!(&outcomes[1], Outcome::Failed(why) if why.contains("found no mask")), "{outcomes:?}");
+    let log = std::fs::read_to_string(made.at("out/cases/images/log.txt")).unwrap();
+    assert!(log.contains("found no mask"), "{log}");
     let path = made.at("out/dataset_description.json");
     let described: serde_json::Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
     assert_eq!(described["DatasetType"], "derivative");

@@ -32,7 +32,8 @@ PROGRAM = sys.argv[1]
 ROOT = Path(sys.argv[2]) if len(sys.argv) > 2 else None
 # Names of a folder and a file, which no report has unless asked.
 STUDY, SEGMENTATION = "Folder-Canary", "file-canary"
-HIDDEN = ["Interop", "Canary", "IOP-7", "1950", STUDY, SEGMENTATION]
+# Whole dates: four digits alone stand in a hash now and then.
+HIDDEN = ["Interop", "Canary", "IOP-7", "1950-01-01", "19500101", STUDY, SEGMENTATION]
 checks = 0
 
 

@@ -8,13 +8,18 @@ import numpy as np
 import pikepdf
 import pypdfium2
 
-# Of what the reports state of themselves (PDF/A-2a, PDF/UA-1).
-STANDARDS = {"pdfaid:part": "2", "pdfaid:conformance": "A", "pdfuaid:part": "1"}
+# Of what the reports state of themselves (PDF/A-3a, PDF/UA-1).
+STANDARDS = {"pdfaid:part": "3", "pdfaid:conformance": "A", "pdfuaid:part": "1"}
 # Pixels of a page that aren't its ground, at least; a page has a footer of about 0.1 %.
 DRAWN = 0.003
 SCALE = 0.5
-# Whole rows of the table of agreement: two masks, two ratios, three distances, a ratio.
-AGREEMENT = ("dice", "jaccard", "hd_mm", "hd95_mm", "assd_mm", "nsd")
+# Whole rows of the tables of agreement: two masks, then these; a metric that the convention hasn't is unknown.
+AGREEMENT = (
+    ("dice", "jaccard", "volume_similarity", "relative_volume_difference", "sensitivity", "precision", "kappa"),
+    ("hd_mm", "hd95_mm", "assd_mm", "masd_mm", "nsd"),
+)
+UNKNOWN = ("unknown", "unbekannt")
+MINUS = "\N{MINUS SIGN}"
 
 
 def strings(thing):
@@ -57,6 +62,9 @@ def bare(text):
 
 def agrees(printed, value):
     """Whether a printed number is this value, rounded to its own last digit."""
+    if value is None or printed in UNKNOWN:
+        return value is None and printed in UNKNOWN
+    printed = printed.replace(MINUS, "-")
     printed = printed.replace(",", ".")
     digits = len(printed.partition(".")[2])
     return abs(float(printed) - value) <= 0.5000001 * 10**-digits
@@ -64,7 +72,8 @@ def agrees(printed, value):
 
 def numbers(text, measured):
     """What the text lacks of volumes and of rows of agreement."""
-    number, mm = r"(\d+[.,]\d+)", r"(\d+[.,]\d+) mm"
+    number, unknown = r"(\d+[.,]\d+)", "|".join(UNKNOWN)
+    ratio, length = rf"([-{MINUS}]?\d+[.,]\d+|{unknown})", rf"(\d+[.,]\d+(?= mm)|{unknown})(?: mm)?"
     for point in measured["time_points"]:
         for mask in point["masks"]:
             found = re.findall(rf"(?<!\S){re.escape(mask['id'])} {number} ml", text)
@@ -72,10 +81,11 @@ def numbers(text, measured):
                 yield f"{mask['id']} of {mask['volume_ml']} ml: found {found}"
         for pair in point["pairs"]:
             of_both = rf"(?<!\S){re.escape(pair['a'])} {re.escape(pair['b'])} "
-            rows = re.findall(of_both + " ".join([number, number, mm, mm, mm, number]), text)
-            expected = [pair[key] for key in AGREEMENT]
-            if not any(all(map(agrees, row, expected)) for row in rows):
-                yield f"{pair['a']} and {pair['b']} of {expected}: found {rows}"
+            for keys in AGREEMENT:
+                rows = re.findall(of_both + " ".join(length if key.endswith("_mm") else ratio for key in keys), text)
+                expected = [pair[key] for key in keys]
+                if not any(all(map(agrees, row, expected)) for row in rows):
+                    yield f"{pair['a']} and {pair['b']} of {expected}: found {rows}"
 
 
 def syntax(pdf):
@@ -118,7 +128,7 @@ def broken(pdf, word):
     file = pikepdf.open(io.BytesIO(pdf))
     del file.Root.Lang
     file.Root.MarkInfo.Marked = False
-    metadata = file.Root.Metadata.read_bytes().replace(b"<pdfaid:part>2<", b"<pdfaid:part>9<").replace(b"<dc:", f"<!--{word}--><dc:".encode(), 1)
+    metadata = file.Root.Metadata.read_bytes().replace(b"<pdfaid:part>3<", b"<pdfaid:part>9<").replace(b"<dc:", f"<!--{word}--><dc:".encode(), 1)
     file.Root.Metadata = file.make_stream(metadata)
     file.Root.StructTreeRoot.Alt = pikepdf.String(word)
     file.Root.Packed = file.make_stream(word.encode())
@@ -132,7 +142,7 @@ def faults_are_found(pdf, measured, word):
     """A check that can't fail is none."""
     wrong = {"time_points": [{"masks": [{**mask, "volume_ml": mask["volume_ml"] + 1} for mask in point["masks"]], "pairs": []} for point in measured["time_points"]]}
     found = faults(broken(pdf, word), "en", wrong, hidden=[word], shown=["not said"])
-    expected = ["it isn't tagged", "its language is None", "its metadata hasn't pdfaid:part 2", "is blank", "ml: found", "isn't in its text", f"{word} is in its metadata"]
+    expected = ["it isn't tagged", "its language is None", "its metadata hasn't pdfaid:part 3", "is blank", "ml: found", "isn't in its text", f"{word} is in its metadata"]
     lacking = [one for one in expected if not any(one in fault for fault in found)]
     if sum(f"{word} is in its object" in fault for fault in found) < 3:
         lacking.append("a word in an alternative text, in a packed stream and in the metadata's stream")

@@ -29,6 +29,9 @@ pub enum AppError {
     /// The case can't check itself.
     #[error(transparent)]
     SelfCheck(#[from] SelfCheckError),
+    /// Two masks or regions can't be compared: which and why, in one line.
+    #[error("{0}")]
+    Compared(String),
     /// Lesions can't be found.
     #[error(transparent)]
     Lesions(#[from] LesionsError),

@@ -96,15 +96,24 @@ pub fn write_window_png(
     write_png(path, inputs, [(x1 - x0) as u32, (y1 - y0) as u32], &rgba)
 }
 
+/// Numbers as JSON with line breaks.
+///
+/// # Errors
+/// [`AppError`] where JSON can't hold them.
+pub fn json(value: &impl serde::Serialize) -> Result<Vec<u8>, AppError> {
+    let mut bytes = serde_json::to_vec_pretty(value).map_err(|e| {
+        AppError::wrong("the answer", format!("numbers that JSON can't hold ({e})"), "finite ones")
+    })?;
+    bytes.push(b'\n');
+    Ok(bytes)
+}
+
 /// Writes `value` as indented JSON.
 ///
 /// # Errors
 /// As [`write()`].
 pub fn write_json(path: &Path, inputs: &Inputs, value: &impl serde::Serialize) -> Result<(), AppError> {
-    let mut bytes = serde_json::to_vec_pretty(value)
-        .map_err(|e| AppError::file(path, format!("numbers that JSON can't hold ({e})"), "finite ones"))?;
-    bytes.push(b'\n');
-    write(path, inputs, &bytes)
+    write(path, inputs, &json(value)?)
 }
 
 /// Writes measured lines in the format given by the extension of `path`.

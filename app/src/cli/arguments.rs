@@ -157,7 +157,7 @@ pub struct ReportArguments {
     /// The case; default: the embedded sample.
     #[command(flatten)]
     pub case: CaseArguments,
-    /// The file (.html, .pdf, .md; as DICOM: .dcm holds the PDF, .sr.dcm the measurements) or the folder.
+    /// The file (.html, .pdf, .md; its numbers: .json, .csv; as DICOM: .dcm holds the PDF, .sr.dcm measurements and response) or the folder.
     #[arg(long, value_name = "FILE|FOLDER")]
     pub out: PathBuf,
     /// How much of the patient's identity a file has; without it none. A folder's files are for other programs and name the case.
@@ -186,7 +186,7 @@ pub struct ReportArguments {
 /// Arguments of `replay`.
 #[derive(Debug, Args)]
 pub struct ReplayArguments {
-    /// The report, an HTML file.
+    /// The report: .html, .pdf, .md, or the PDF in DICOM.
     pub report: PathBuf,
     /// The case, where the report doesn't say where its files are.
     #[command(flatten)]

@@ -5,7 +5,7 @@ use glioscope_core::{
     case::Case,
     decimal,
     measure::{
-        self, DateComparison, PairComparison, Statistics,
+        self, DateComparison, Operand, PairComparison, Statistics,
         conventions::{Comparison, Convention, LesionRule, METRICS, Settings},
     },
 };
@@ -15,7 +15,11 @@ use super::{
     parse::{self, keyword},
     terminal,
 };
-use crate::{error::AppError, format, world::agreement::with_metrics};
+use crate::{
+    error::AppError,
+    format,
+    world::agreement::{compare_two, with_metrics},
+};
 
 /// Additional decimals compared with the tables of the window.
 const EXTRA_DECIMALS: usize = 1;
@@ -66,12 +70,28 @@ pub struct MeasureArguments {
     /// Which lesions the convention brats joins and leaves out; default: those of gliomas.
     #[arg(long, value_enum, requires = "metrics")]
     pub tumor: Option<Tumor>,
+    /// Also two masks, unions (ID+ID) or regions (=ID+ID: exactly these masks) of any dates, the first as the reference.
+    #[arg(long, value_names = ["ID[@DATE]", "ID[@DATE]"], num_args = 2, requires = "metrics")]
+    pub two: Vec<String>,
     /// As JSON: see docs/json.md.
     #[arg(long)]
     pub json: bool,
 }
 
 impl MeasureArguments {
+    /// The comparisons that `--two` asks for.
+    fn compared_two(&self, case: &Case) -> Result<Vec<PairComparison>, AppError> {
+        let named = |text: &String| {
+            Operand::parse(case, text).map_err(|why| AppError::Compared(format!("--two: {why}")))
+        };
+        let compared = |two: &[String]| {
+            let [a, b] = two else { return Err(AppError::arguments("one mask", "two for each --two")) };
+            let two = [named(a)?, named(b)?];
+            terminal::with_progress(|progress| compare_two(case, &two, &self.settings(), progress))
+        };
+        self.two.chunks(2).map(compared).collect()
+    }
+
     fn settings(&self) -> Settings {
         let default = Settings::default();
         Settings {
@@ -95,6 +115,7 @@ pub(super) fn run(arguments: &MeasureArguments) -> Result<(), AppError> {
         })?),
         false => None,
     };
+    let two = arguments.compared_two(&case)?;
     if arguments.json {
         let mut report = measure::report(&case);
         for (time, of_date) in report.time_points.iter_mut().zip(values.into_iter().flatten()) {
@@ -102,30 +123,33 @@ pub(super) fn run(arguments: &MeasureArguments) -> Result<(), AppError> {
         }
         return match compared {
             None => terminal::print_json(&report),
-            Some(compared) => terminal::print_json(&with_metrics(&report, &compared)?),
+            Some(compared) => terminal::print_json(&with_metrics(&report, &compared, &two)?),
         };
     }
     let text = table(&case);
-    let compared = compared.map(|compared| metrics_table(&compared)).unwrap_or_default();
+    let compared = compared.map(|compared| metrics_table(&compared, &two)).unwrap_or_default();
     let values = values.map(|values| values_table(&case, &values)).unwrap_or_default();
     terminal::print(&format!("{text}{compared}{values}"))
 }
 
 /// Metrics of pairs as a text table.
-fn metrics_table(compared: &[DateComparison]) -> String {
+fn metrics_table(compared: &[DateComparison], two: &[PairComparison]) -> String {
     let mut lines = Vec::new();
+    let head = |place: &str, of: &PairComparison| {
+        let Comparison { convention, percentile, tolerance_mm, .. } = of.comparison;
+        let name: &str = convention.into();
+        format!(
+            "\n\nmetrics{place} by {name}: the first mask is the reference; percentile {percentile}, tolerance {tolerance_mm} mm"
+        )
+    };
+    let values = |pair: &PairComparison| {
+        std::iter::once(format!("{} and {}", pair.a, pair.b)).chain(values_of(pair)).collect::<Vec<_>>()
+    };
     for date in compared {
         let place = if date.time.is_empty() { String::new() } else { format!(" at {}", date.time) };
         let Some(first) = date.pairs.first() else { continue };
-        let Comparison { convention, percentile, tolerance_mm, .. } = first.comparison;
-        let name: &str = convention.into();
-        lines.push(format!(
-            "\n\nmetrics{place} by {name}: the first mask is the reference; percentile {percentile}, tolerance {tolerance_mm} mm"
-        ));
-        for pair in &date.pairs {
-            lines.push(format!("{} and {}", pair.a, pair.b));
-            lines.extend(values_of(pair));
-        }
+        lines.push(head(&place, first));
+        lines.extend(date.pairs.iter().flat_map(values));
         if let Some(raters) = &date.raters {
             let number =
                 |value: Option<f64>| value.map_or_else(|| "undefined".to_owned(), |v| format!("{v:.4}"));
@@ -148,6 +172,10 @@ fn metrics_table(compared: &[DateComparison]) -> String {
                 }
             }
         }
+    }
+    if let Some(first) = two.first() {
+        lines.push(head(" of any dates", first));
+        lines.extend(two.iter().flat_map(values));
     }
     lines.join("\n")
 }

@@ -7,16 +7,16 @@ use glioscope_core::files::{open_regular, read_small_text};
 use super::{
     arguments::ReplayArguments,
     case::CaseArguments,
-    report::{self, Asked},
+    report::{self, Asked, How},
     terminal,
 };
 use crate::{
     error::AppError,
     model::{CaseRef, Session, made, session},
     report::{
-        Form, Identity, Options, RECIPE_VERSION, Recipe, Report, ResponseRecipe, anonymous_case, recipe_in,
-        write,
+        FileKind, Form, Identity, Options, RECIPE_VERSION, Recipe, ResponseRecipe, anonymous_case, recipe_in,
     },
+    window::report_file::ReportFile,
     world::load::{self, ReadCase, Request},
 };
 
@@ -28,22 +28,21 @@ const MOST_NAMED: usize = 8;
 pub(super) fn run(arguments: ReplayArguments) -> Result<(), AppError> {
     let ReplayArguments { report: path, case, of, history, software } = arguments;
     let bytes = read(&path)?;
-    let recipe = recipe(&path, &bytes)?;
+    let (recipe, kind) = (recipe(&path, &bytes)?, kind_of(&bytes));
     let given = CaseArguments { path: of, parts: case, tracts: Vec::new() };
     let Recipe { identity, language, names_reader, .. } = recipe;
     let options = Options { identity, language, names_reader };
     let session = session(&path, &recipe)?;
     let asked =
         recipe.response.as_ref().map(|response| asked(&path, response, history.as_deref())).transpose()?;
+    let how = How { kind, options, self_check: false, software };
     let again = match (recipe.identity, given.reference()?) {
-        (Identity::Full, None) => {
-            report::make(read_case(session, &given, None)?, (options, Form::Html), asked, false, software)?
-        }
+        (Identity::Full, None) => report::file(read_case(session, &given, None)?, &how, asked)?,
         // Nothing was read: the embedded sample.
         (_, None) if recipe.inputs.is_empty() => {
-            of_given(&session, &given, CaseRef::Sample, (options, asked.as_ref()), software)?
+            of_given(&session, &given, CaseRef::Sample, &how, asked.as_ref())?
         }
-        (_, Some(case)) => of_given(&session, &given, case, (options, asked.as_ref()), software)?,
+        (_, Some(case)) => of_given(&session, &given, case, &how, asked.as_ref())?,
         (_, None) => {
             return Err(AppError::file(
                 &path,
@@ -52,13 +51,16 @@ pub(super) fn run(arguments: ReplayArguments) -> Result<(), AppError> {
             ));
         }
     };
-    let differences = differences(&recipe, &again.recipe);
-    let now = write(&again, Form::Html, options.language)?;
+    let ReportFile { bytes: now, recipe: made_with, .. } = again;
     if now == bytes {
         return terminal::print(&format!("{}: the same bytes again", path.display()));
     }
-    let mut found = differences;
-    found.extend(different_parts(&bytes, &now));
+    let mut found = made_with.map(|made_with| differences(&recipe, &made_with)).unwrap_or_default();
+    found.extend(match kind {
+        FileKind::Pages(Form::Html) => different_parts(&bytes, &now, &HTML),
+        FileKind::Pages(Form::Markdown) => different_parts(&bytes, &now, &MARKDOWN),
+        _ => vec!["the pages".to_owned()],
+    });
     let more = found.len().saturating_sub(MOST_NAMED);
     found.truncate(MOST_NAMED);
     let more = if more == 0 { String::new() } else { format!(" and {more} more") };
@@ -86,16 +88,28 @@ fn read(path: &Path) -> Result<Vec<u8>, AppError> {
 }
 
 fn recipe(path: &Path, bytes: &[u8]) -> Result<Recipe, AppError> {
-    let expected = "a report that glioscope report wrote as HTML";
-    let page = std::str::from_utf8(bytes).map_err(|_| AppError::file(path, "no text", expected))?;
-    let json = recipe_in(page).ok_or_else(|| AppError::file(path, "no recipe", expected))?;
-    let recipe: Recipe = serde_json::from_str(json)
-        .map_err(|e| AppError::file(path, format!("a recipe that can't be read ({e})"), expected))?;
+    let expected = "a report that glioscope report wrote as .html, .pdf, .md or .dcm";
+    let unreadable =
+        |e: serde_json::Error| AppError::file(path, format!("a recipe that can't be read ({e})"), expected);
+    let recipe = recipe_in(bytes).map_err(unreadable)?;
+    let recipe = recipe.ok_or_else(|| AppError::file(path, "no recipe", expected))?;
+    let recipe: Recipe = serde_json::from_value(recipe).map_err(unreadable)?;
     if recipe.glioscope_report != RECIPE_VERSION {
         let found = format!("version {} of the recipe", recipe.glioscope_report);
         return Err(AppError::file(path, found, format!("version {RECIPE_VERSION}")));
     }
     Ok(recipe)
+}
+
+/// The kind of a report's file, by what it holds: it may have been renamed.
+fn kind_of(bytes: &[u8]) -> FileKind {
+    // A DICOM file begins with 128 bytes of anything.
+    match (bytes.get(..5), bytes.get(128..132)) {
+        (Some(b"%PDF-"), _) => FileKind::Pages(Form::Pdf),
+        (_, Some(b"DICM")) => FileKind::EncapsulatedPdf,
+        (Some(start), _) if start.starts_with(b"# ") => FileKind::Pages(Form::Markdown),
+        _ => FileKind::Pages(Form::Html),
+    }
 }
 
 /// The response that the report has. Its history stands in it only with the full identity.
@@ -141,15 +155,15 @@ fn of_given(
     session: &Session,
     given: &CaseArguments,
     case: CaseRef,
-    (options, asked): (Options, Option<&Asked>),
-    software: bool,
-) -> Result<Report, AppError> {
+    how: &How,
+    asked: Option<&Asked>,
+) -> Result<ReportFile, AppError> {
     let read = read_case(session.clone(), given, Some(case))?;
     let made = made::with_made(&read.case, &session.document.edit.made);
-    let shown = anonymous_case(&made, options);
+    let shown = anonymous_case(&made, how.options);
     let (document, findings) = session.restore(&shown)?;
     terminal::notes(&findings);
-    report::of_anonymous(&Arc::new(shown), &document, (options, Form::Html), asked, software)
+    report::file_of_anonymous((&read.case, &read.spec), (&Arc::new(shown), &document), how, asked)
 }
 
 /// What the two were made with differently.
@@ -176,18 +190,23 @@ fn differences(before: &Recipe, now: &Recipe) -> Vec<String> {
     out
 }
 
+/// How a section begins, and what its name ends with.
+type Marks = [&'static str; 3];
+const HTML: Marks = ["<h2", ">", "</h2>"];
+const MARKDOWN: Marks = ["\n## ", "", "\n"];
+
 /// Sections whose text differs, by their headings.
-fn different_parts(before: &[u8], now: &[u8]) -> Vec<String> {
+fn different_parts(before: &[u8], now: &[u8], [start, open, end]: &Marks) -> Vec<String> {
     let [before, now] = [before, now].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
     let parts = |page: &str| -> Vec<(String, String)> {
         let name = |part: &str| {
-            part.split_once('>')
-                .and_then(|(_, rest)| rest.split_once("</h2>"))
-                .map(|(name, _)| name.to_owned())
+            let (_, rest) = part.split_once(open)?;
+            rest.split_once(end).map(|(name, _)| name.to_owned())
         };
-        page.split("<h2")
-            .map(|part| (name(part).unwrap_or_else(|| "title".into()), part.to_owned()))
-            .collect()
+        let mut parts = page.split(start);
+        let first = parts.next().map(|part| ("title".to_owned(), part.to_owned()));
+        let rest = parts.map(|part| (name(part).unwrap_or_else(|| "title".into()), part.to_owned()));
+        first.into_iter().chain(rest).collect()
     };
     let (before, now) = (parts(&before), parts(&now));
     let mut out: Vec<String> = Vec::new();

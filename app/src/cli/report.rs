@@ -2,7 +2,11 @@
 
 use std::{collections::BTreeMap, sync::Arc};
 
-use glioscope_core::{Progress, case::Case, files::sha256, response::Evaluated};
+use glioscope_core::{
+    case::{Case, CaseSpec},
+    files::sha256,
+    response::Evaluated,
+};
 
 use super::{
     arguments::ReportArguments,
@@ -17,8 +21,8 @@ use crate::{
     error::AppError,
     model::{Document, LesionSetting},
     output,
-    report::{self, Anonymous, FileKind, Filing, Form, Identity, Options, Report, ResponseRecipe},
-    window::report as made,
+    report::{self, Anonymous, FileKind, Filing, Identity, Options, ResponseRecipe},
+    window::report_file::{self, ReportFile},
     world::load::ReadCase,
 };
 
@@ -49,41 +53,27 @@ pub(super) fn run(arguments: &ReportArguments) -> Result<(), AppError> {
     };
     kind.check_language(options.language)?;
     let asked = Asked::of(response)?;
-    if asked.is_some() && kind == FileKind::Structured {
-        let expected = ".html, .pdf, .md or .dcm: a structured report has measurements alone";
-        return Err(AppError::file(out, "a structured report with a response by criteria", expected));
-    }
     let read = case.read(true)?;
     let inputs = [&case.path, &response.history].into_iter().flatten();
     let inputs = inputs.fold(read.case.inputs.clone(), |inputs, path| inputs.with(path.clone()));
     output::refuse(out, &inputs, *force)?;
-    let (opened, spec) = (read.case.clone(), read.spec.clone());
-    let filing = || -> Result<Filing, AppError> {
-        let of = |progress: &Progress| Filing::of(&opened, &spec, options.identity, progress);
-        let filing = terminal::with_progress(of)?;
-        filing.notes.iter().for_each(|note| terminal::assumed(note));
-        Ok(filing)
-    };
-    let pages = |read: ReadCase, form: Form| -> Result<(Vec<u8>, String), AppError> {
-        let report = make(read, (options, form), asked, *self_check, *software)?;
-        Ok((report::write(&report, form, options.language)?, report.title))
-    };
-    let bytes = match kind {
-        FileKind::Pages(form) => pages(read, form)?.0,
-        FileKind::EncapsulatedPdf => {
-            let filing = filing()?;
-            let (pdf, title) = pages(read, Form::Pdf)?;
-            filing.encapsulated(&pdf, &title)?
-        }
-        FileKind::Structured => {
-            let (filing, shown) = (filing()?, shown(read, options)?);
-            terminal::with_progress(|progress| {
-                report::structured(&shown.case, &shown.doc, &filing, progress)
-            })?
-        }
-    };
-    output::write(out, &inputs, &bytes)?;
+    let made = file(read, &How { kind, options, self_check: *self_check, software: *software }, asked)?;
+    made.notes.iter().for_each(|note| terminal::assumed(note));
+    output::write(out, &inputs, &made.bytes)?;
     terminal::print(&format!("report written to {}", out.display()))
+}
+
+/// How a report is made.
+#[derive(Clone, Copy)]
+pub(super) struct How {
+    /// The kind of its file.
+    pub kind: FileKind,
+    /// How much it says.
+    pub options: Options,
+    /// Whether the change is checked on the case, if its document doesn't ask for it.
+    pub self_check: bool,
+    /// Whether only the software adapter draws.
+    pub software: bool,
 }
 
 /// The response that a report is to have.
@@ -159,17 +149,12 @@ impl Asked {
     }
 }
 
-/// The report of a case.
-pub(super) fn make(
-    read: ReadCase,
-    options: (Options, Form),
-    asked: Option<Asked>,
-    self_check: bool,
-    software: bool,
-) -> Result<Report, AppError> {
-    let Anonymous { case, mut doc, names } = shown(read, options.0)?;
-    doc.edit.change.self_check |= self_check;
-    of_anonymous(&case, &doc, options, asked.map(|asked| asked.renamed(&names)).as_ref(), software)
+/// The file of a case's report.
+pub(super) fn file(read: ReadCase, how: &How, asked: Option<Asked>) -> Result<ReportFile, AppError> {
+    let (opened, spec) = (read.case.clone(), read.spec.clone());
+    let Anonymous { case, mut doc, names } = shown(read, how.options)?;
+    doc.edit.change.self_check |= how.self_check;
+    file_of_anonymous((&opened, &spec), (&case, &doc), how, asked.map(|asked| asked.renamed(&names)).as_ref())
 }
 
 /// A case and its document as its report may show them.
@@ -181,16 +166,15 @@ fn shown(read: ReadCase, options: Options) -> Result<Anonymous, AppError> {
     report::anonymous(case, doc, options)
 }
 
-/// The report of a case and document that have no more of the identity than it may show.
-pub(super) fn of_anonymous(
-    case: &Arc<Case>,
-    doc: &Document,
-    options: (Options, Form),
+/// The file of the report of a case and document that have no more of the identity than it may show; `opened`: the case as it was read.
+pub(super) fn file_of_anonymous(
+    (opened, spec): (&Case, &CaseSpec),
+    (case, doc): (&Arc<Case>, &Document),
+    how: &How,
     asked: Option<&Asked>,
-    software: bool,
-) -> Result<Report, AppError> {
-    let identity = options.0.identity;
-    let hides_authors = identity != Identity::Full;
+) -> Result<ReportFile, AppError> {
+    let How { kind, options, software, .. } = *how;
+    let hides_authors = options.identity != Identity::Full;
     let evaluate = |asked: &Asked| -> Result<(Evaluated, ResponseRecipe), AppError> {
         let found = evaluated(
             case,
@@ -199,10 +183,14 @@ pub(super) fn of_anonymous(
             asked.text.as_deref(),
             hides_authors,
         )?;
-        Ok((found, asked.recipe(identity, &doc.edit.lesions)))
+        Ok((found, asked.recipe(options.identity, &doc.edit.lesions)))
     };
     let response = asked.map(evaluate).transpose()?;
     terminal::with_progress(|progress| {
-        made::of_anonymous(case, doc, options, response.as_ref(), &gpu(software)?, progress)
+        let filing = || Filing::of(opened, spec, options.identity, progress);
+        let gpu = || gpu(software);
+        let asked =
+            report_file::Asked { kind, options, response: response.as_ref(), filing: &filing, gpu: &gpu };
+        report_file::file_of(case, doc, &asked, progress)
     })
 }

@@ -7,9 +7,18 @@ use glioscope_core::{
     measure,
 };
 
+use strum::VariantArray;
+
 use super::{case::CaseArguments, offscreen::gpu, terminal};
 use crate::{
-    command::Workstation, error::AppError, model::PaneId, output, window::offscreen_app::OffscreenApp,
+    command::Workstation,
+    error::AppError,
+    model::{ExportFormat, PaneId},
+    output,
+    window::{
+        numbers::{Shown, as_file},
+        offscreen_app::OffscreenApp,
+    },
     world::load::ReadCase,
 };
 
@@ -66,10 +75,20 @@ impl Drop for NewFolder {
     }
 }
 
-/// Names of every file that a report may have; the numbers last.
+/// Names of every file that a report may have; the one that says whose it is last.
 fn names() -> impl Iterator<Item = String> {
+    let tables = ExportFormat::VARIANTS.iter().map(|format| all_numbers(*format));
     let panes = PaneId::all().filter_map(|pane| pane.row().report_px.and(pane.row().cli));
-    std::iter::once("window").chain(panes).map(|name| format!("{name}.png")).chain([NUMBERS.to_owned()])
+    std::iter::once("window")
+        .chain(panes)
+        .map(|name| format!("{name}.png"))
+        .chain(tables)
+        .chain([NUMBERS.to_owned()])
+}
+
+/// The file of all numbers, those of every pane.
+fn all_numbers(format: ExportFormat) -> String {
+    format!("numbers.{}", format.extension())
 }
 
 /// Names of the files of an earlier report in `out`, which the new one replaces.
@@ -99,7 +118,18 @@ fn write(read: ReadCase, folder: &Path, software: bool) -> Result<Vec<String>, A
     output::write_json(&folder.join(NUMBERS), &inputs, &measure::report(&read.case))?;
     let mut names = vec![NUMBERS.to_owned()];
     let time_point_count = read.case.time_points.len();
-    let mut app = OffscreenApp::new(Workstation::with_opened(read.into()), &gpu(software)?, false)?;
+    let work = Workstation::with_opened(read.into());
+    if let (Some(case), Some(doc)) = (work.world.case().cloned(), work.doc.clone()) {
+        let tumor = work.world.tumor(&doc).cloned();
+        let shown = Shown { case, inputs: inputs.clone(), doc, tumor, compared: None, response: None };
+        let numbers = terminal::with_progress(|progress| shown.json(progress))?;
+        for format in ExportFormat::VARIANTS {
+            let name = all_numbers(*format);
+            output::write(&folder.join(&name), &inputs, &as_file(&numbers, *format)?)?;
+            names.push(name);
+        }
+    }
+    let mut app = OffscreenApp::new(work, &gpu(software)?, false)?;
     // A single time point has nothing to compare with.
     let panes = PaneId::all()
         .map(|pane| (pane, pane.row()))

@@ -3,6 +3,7 @@
 use std::{collections::BTreeMap, sync::Arc};
 
 use glioscope_core::{case::Case, lesions};
+use serde_json::Value;
 
 use super::{
     Options,
@@ -92,6 +93,36 @@ fn is_program_word(text: &str) -> bool {
     }
     text.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || matches!(b, b'_' | b'-' | b'.'))
         && text.bytes().any(|b| b.is_ascii_lowercase())
+}
+
+/// `numbers` of `case` without what identifies the patient in their texts; unchanged with the full identity.
+pub fn without_identity(case: &Case, options: Options, mut numbers: Value) -> Value {
+    if options.identity == Identity::Full {
+        return numbers;
+    }
+    let redactor = redactor(case, options);
+    each_text(&mut numbers, &|text| {
+        if !is_program_word(text) {
+            *text = redactor.text(text);
+        }
+    });
+    // The case is named after its folder, which is often named after the patient.
+    let removed = words(options.language).get("removed");
+    for place in ["/case", "/response/case", "/lesions/case", "/change/case"] {
+        if let Some(name) = numbers.pointer_mut(place) {
+            *name = removed.clone().into();
+        }
+    }
+    numbers
+}
+
+fn each_text(value: &mut Value, change: &dyn Fn(&mut String)) {
+    match value {
+        Value::String(text) => change(text),
+        Value::Array(all) => all.iter_mut().for_each(|one| each_text(one, change)),
+        Value::Object(all) => all.values_mut().for_each(|one| each_text(one, change)),
+        _ => {}
+    }
 }
 
 /// `case` alone, as [`anonymous`] names it.

@@ -6,13 +6,12 @@ use glioscope_core::{
     change::{ChangeReport, Explains, GroupReport, Lengths},
     dates, decimal,
     lesions::{EventKind, LesionDate, LesionReport, LesionsReport, LinkState, Values},
-    measure::{
-        self, Agreement, DateComparison, PAIR_METRICS, Pair, PairComparison, Raters, conventions::Comparison,
-    },
+    measure::{self, Agreement, DateComparison, Pair},
     self_check::SelfCheckReport,
 };
 
 use super::{
+    agreement,
     document::{Block, Finding, Table},
     identity::{Identity, Redactor, initials},
     plot::{Plot, Series},
@@ -70,6 +69,14 @@ impl Content<'_> {
                 facts.push((words.get("patient"), stated(&patient.name)));
                 facts.push((words.get("patient-id"), stated(&patient.id)));
                 facts.push((words.get("born"), stated(&birth)));
+                let sex = match patient.sex.as_str() {
+                    "M" => words.get("sex-male"),
+                    "F" => words.get("sex-female"),
+                    "O" => words.get("sex-other"),
+                    other => stated(other),
+                };
+                facts.push((words.get("sex"), sex));
+                facts.extend(self.studies().map(|study| (words.get("study"), study)));
                 facts.push((words.get("case"), self.case.name.clone()));
             }
         }
@@ -84,6 +91,16 @@ impl Content<'_> {
         facts.push((words.get("images"), list(images)));
         facts.push((words.get("masks"), list(masks)));
         vec![Block::Facts(facts)]
+    }
+
+    /// The studies, each in a line: date, description, accession number.
+    fn studies(&self) -> impl Iterator<Item = String> {
+        self.case.patient.studies.iter().map(|study| {
+            let number = [("number", study.accession_number.clone())];
+            let number = (!study.accession_number.is_empty()).then(|| self.words.with("accession", &number));
+            let texts = [study.time.clone(), study.description.clone()].into_iter().chain(number);
+            texts.filter(|text| !text.is_empty()).collect::<Vec<_>>().join(", ")
+        })
     }
 
     /// The warnings, for the front, and the notes, for the end; `more`: warnings that the case doesn't have.
@@ -266,10 +283,10 @@ impl Content<'_> {
             return blocks;
         }
         blocks.push(Block::Heading(self.heading("section-agreement", time)));
-        blocks.push(Block::Table(self.pairs(time, compared)));
+        blocks.extend(agreement::pairs(compared, &|id| self.name(id), self.words));
         if let Some(raters) = &compared.raters {
             blocks.push(Block::Text(format!("{}:", self.words.get("raters"))));
-            blocks.push(self.raters(raters));
+            blocks.push(agreement::raters(raters, self.words));
         }
         blocks.push(Block::Table(self.agreement(time)));
         if !time.regions.list().is_empty() {
@@ -297,60 +314,6 @@ impl Content<'_> {
             rows: time.masks.iter().enumerate().map(row).collect(),
             note: None,
         }
-    }
-
-    fn pairs(&self, time: &TimePoint, compared: &DateComparison) -> Table {
-        let words = self.words;
-        let shown = ["hd_mm", "hd95_mm", "assd_mm", "nsd"];
-        let names = PAIR_METRICS.iter().map(|metric| metric.name.to_owned());
-        let surfaces = ["hausdorff", "robust-hausdorff", "average-distance", "surface-dice"];
-        let head = ["first-mask", "second-mask"].map(|key| words.get(key)).into_iter().chain(names);
-        let number = |value: Option<f64>, text: &dyn Fn(f64) -> String| match value {
-            Some(value) if value.is_finite() => words.number(&text(value)),
-            Some(_) => words.get("infinite"),
-            None => words.get("unknown"),
-        };
-        let row = |(pair, found): (Pair, &PairComparison)| {
-            let overlaps = pair.metrics().map(|(metric, value)| number(value, &|v| metric.print(Some(v), 0)));
-            let of_surfaces = shown.map(|key| {
-                let value = found.comparison.value(key);
-                number(value, &|v| if key == "nsd" { format!("{v:.3}") } else { format!("{v:.1} mm") })
-            });
-            let ids = [self.name(&pair.a), self.name(&pair.b)].into_iter();
-            ids.chain(overlaps.collect::<Vec<_>>()).chain(of_surfaces).collect()
-        };
-        let definitions: Vec<String> =
-            PAIR_METRICS.iter().map(|metric| words.get(&format!("metric-{}", metric.key))).collect();
-        let distances = compared.pairs.first().map(|pair| {
-            let Comparison { convention, percentile, tolerance_mm, .. } = pair.comparison;
-            let variables = [
-                ("tolerance", words.number(&format!("{tolerance_mm}"))),
-                ("convention", convention.row().title.to_owned()),
-                ("percentile", words.number(&format!("{percentile}"))),
-            ];
-            words.with("by-distances", &variables)
-        });
-        Table {
-            head: head.chain(surfaces.map(|key| words.get(key))).collect(),
-            text_columns: 2,
-            rows: measure::pairs(&time.index, &time.regions)
-                .into_iter()
-                .zip(&compared.pairs)
-                .map(row)
-                .collect(),
-            note: Some(definitions.into_iter().chain(distances).collect::<Vec<_>>().join(" ")),
-        }
-    }
-
-    fn raters(&self, raters: &Raters) -> Block {
-        let words = self.words;
-        let mut facts = vec![(words.get("majority"), words.ml(raters.majority_ml))];
-        facts.extend(raters.staple_ml.map(|ml| (words.get("staple"), words.ml(ml))));
-        facts.extend(raters.fleiss_kappa_union_box.map(|kappa| {
-            let kappa = words.number(&format!("{kappa:.3}"));
-            (words.get("fleiss-kappa"), words.with("fleiss-line", &[("box", kappa)]))
-        }));
-        Block::Facts(facts)
     }
 
     fn agreement(&self, time: &TimePoint) -> Table {

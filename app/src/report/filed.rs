@@ -8,10 +8,11 @@ use glioscope_core::{
     case::{Case, CaseSpec, OrderBasis},
     dates::leading_date,
     files::dicom::{
-        self, Measured, MeasurementGroup, ReportTo, SourceImage, SourceSegment, Whose, encapsulated_pdf,
-        measurement_report,
+        self, EvaluationGroup, Measured, MeasurementGroup, ReportTo, SourceImage, SourceSegment, SumOf,
+        Whose, encapsulated_pdf, measurement_report,
     },
     lesions::{LesionDate, LesionsReport},
+    response::{Call, DateResponse, Judgement, Quantity, Response},
 };
 
 use super::{
@@ -19,7 +20,12 @@ use super::{
     identity::{Identity, initials},
     recipe::Input,
 };
-use crate::{error::AppError, export, model::Document, words::Language};
+use crate::{
+    error::AppError,
+    export,
+    model::{Document, ExportFormat},
+    words::Language,
+};
 
 /// What a file's ending asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,11 +36,13 @@ pub enum FileKind {
     EncapsulatedPdf,
     /// The measurements as a DICOM structured report: `.sr.dcm`.
     Structured,
+    /// All numbers, as JSON or CSV.
+    Numbers(ExportFormat),
 }
 
 impl FileKind {
     /// The endings, for messages.
-    pub const ENDINGS: &str = ".html, .pdf, .md, .dcm, .sr.dcm";
+    pub const ENDINGS: &str = ".html, .pdf, .md, .json, .csv, .dcm, .sr.dcm";
 
     /// That of a file.
     pub fn of(path: &Path) -> Option<Self> {
@@ -43,15 +51,22 @@ impl FileKind {
             return Some(Self::Structured);
         }
         let is_dicom = name.ends_with(".dcm") && name != ".dcm";
-        if is_dicom { Some(Self::EncapsulatedPdf) } else { Form::of(path).map(Self::Pages) }
+        if is_dicom {
+            return Some(Self::EncapsulatedPdf);
+        }
+        Form::of(path).map(Self::Pages).or_else(|| ExportFormat::of(path).map(Self::Numbers))
     }
 
     /// # Errors
     /// [`AppError`] for a language that it can't have.
     pub fn check_language(self, language: Language) -> Result<(), AppError> {
-        if self == Self::Structured && language != Language::En {
-            let expected = "English (en), as the codes of a structured report are";
-            return Err(AppError::wrong("the language of a structured report", "another", expected));
+        if matches!(self, Self::Structured | Self::Numbers(_)) && language != Language::En {
+            let expected = "English (en), as its codes and keys are";
+            return Err(AppError::wrong(
+                "the language of a structured report or of numbers",
+                "another",
+                expected,
+            ));
         }
         Ok(())
     }
@@ -149,6 +164,7 @@ impl Filing {
         case: &Case,
         doc: &Document,
         lesions: Option<&LesionsReport>,
+        response: Option<&Response>,
     ) -> Result<Vec<u8>, AppError> {
         let is_ordered = case.order != OrderBasis::Unknown && case.time_points.len() > 1;
         let order = |at: usize| is_ordered.then_some(at + 1);
@@ -186,7 +202,9 @@ impl Filing {
                 groups.extend(lesion.dates.iter().enumerate().filter_map(group));
             }
         }
-        Ok(measurement_report(&groups, &self.to())?)
+        let order_of = |label: &str| case.time_at(label).and_then(order);
+        let evaluations = response.map(|response| evaluations(response, &order_of)).unwrap_or_default();
+        Ok(measurement_report(&groups, &evaluations, &self.to())?)
     }
 }
 
@@ -207,5 +225,48 @@ mod tests {
         ] {
             assert_eq!(FileKind::of(Path::new(name)), kind, "{name}");
         }
+    }
+}
+
+/// The calls of every scan, by diameters and by volume; `order`: a scan's number by its label.
+fn evaluations(response: &Response, order: &dyn Fn(&str) -> Option<usize>) -> Vec<EvaluationGroup> {
+    let criterion = response.criterion.name();
+    let group = |date: &DateResponse, judgement: &Judgement, by: &str| EvaluationGroup {
+        criteria: format!("{criterion}, by {by}"),
+        time: date.date.clone(),
+        order: order(&date.date),
+        call: code_of(judgement.call),
+        sums: judgement.sums.iter().filter_map(|sum| Some((sum_of(sum.quantity), sum.sum?))).collect(),
+    };
+    let of_date = |date: &DateResponse| {
+        [group(date, &date.by_diameters, "diameters"), group(date, &date.by_volume, "volume")]
+    };
+    response.dates.iter().flat_map(of_date).collect()
+}
+
+fn sum_of(quantity: Quantity) -> SumOf {
+    match quantity {
+        Quantity::ProductMm2 => SumOf::Products,
+        Quantity::LongestMm => SumOf::Longest,
+        Quantity::VolumeMl => SumOf::Volumes,
+    }
+}
+
+/// A call as a code and its meaning.
+fn code_of(call: Call) -> [&'static str; 2] {
+    match call {
+        Call::Baseline => ["BASELINE", "Baseline"],
+        Call::BeforeBaseline => ["BEFORE_BASELINE", "Before baseline"],
+        Call::CompleteResponse => ["CR", "Complete response"],
+        Call::UnconfirmedCompleteResponse => ["CR_UNCONFIRMED", "Complete response, unconfirmed"],
+        Call::PartialResponse => ["PR", "Partial response"],
+        Call::UnconfirmedPartialResponse => ["PR_UNCONFIRMED", "Partial response, unconfirmed"],
+        Call::MinorResponse => ["MR", "Minor response"],
+        Call::UnconfirmedMinorResponse => ["MR_UNCONFIRMED", "Minor response, unconfirmed"],
+        Call::StableDisease => ["SD", "Stable disease"],
+        Call::Progression => ["PD", "Progressive disease"],
+        Call::PreliminaryProgression => ["PD_PRELIMINARY", "Progressive disease, preliminary"],
+        Call::Observe => ["OBSERVE", "Neither stable nor progressive disease: observe"],
+        Call::CannotSay => ["CANNOT_SAY", "Cannot be said"],
     }
 }

@@ -6,7 +6,7 @@ use base64::{Engine, engine::general_purpose::STANDARD};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::document::{Block, Finding, Picture, Report, Table};
-use crate::{error::AppError, format::json_in_element, output, words::Words};
+use crate::{error::AppError, output, words::Words};
 
 /// The id of the element that holds the recipe.
 const RECIPE_ID: &str = "glioscope-recipe";
@@ -48,23 +48,11 @@ pub fn html(report: &Report, words: &Words) -> Result<String, AppError> {
                     }
                     (blocks(report, &images, words))
                 }
-                script type="application/json" id=(RECIPE_ID) { (PreEscaped(recipe(report))) }
+                script type="application/json" id=(RECIPE_ID) { (PreEscaped(report.recipe.text())) }
             }
         }
     };
     Ok(page.into_string())
-}
-
-/// The recipe as JSON.
-fn recipe(report: &Report) -> String {
-    json_in_element(&serde_json::to_string(&report.recipe).unwrap_or_default())
-}
-
-/// The text of the recipe in an HTML report; `None` where there is none.
-pub fn recipe_in(page: &str) -> Option<&str> {
-    let start = format!("<script type=\"application/json\" id=\"{RECIPE_ID}\">");
-    let (_, rest) = page.rsplit_once(start.as_str())?;
-    rest.split_once("</script>").map(|(json, _)| json)
 }
 
 /// What each table is called: as the heading above it, which stands for one table; those that follow are numbered.

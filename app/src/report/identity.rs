@@ -66,9 +66,10 @@ impl Redactor {
 
 /// What identifies the patient: name, identifier, date of birth, and every path, file name and folder name of the case.
 fn secrets(case: &Case) -> Vec<String> {
-    let Patient { name, id, birth_date } = &case.patient;
+    let Patient { name, id, birth_date, sex: _, studies } = &case.patient;
     let mut all: Vec<String> = name.split_whitespace().map(str::to_owned).collect();
     all.extend([name.clone(), id.clone(), birth_date.clone()]);
+    all.extend(studies.iter().map(|study| study.accession_number.clone()));
     all.extend(glioscope_core::dates::dicom_date(birth_date));
     // An identifier with its issuer: `1234@hospital`.
     all.extend(id.split('@').map(str::to_owned));

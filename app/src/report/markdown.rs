@@ -7,6 +7,8 @@ use crate::words::Words;
 pub fn markdown(report: &Report, words: &Words) -> String {
     let mut parts = vec![format!("# {}", plain(&report.title))];
     parts.extend(report.blocks.iter().filter_map(|block| part(block, words)));
+    // What it was made with: shown by nothing, and read again.
+    parts.push(format!("<!-- glioscope-recipe {} -->", report.recipe.text()));
     parts.join("\n\n") + "\n"
 }
 

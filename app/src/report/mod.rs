@@ -3,6 +3,7 @@
 //! The same session and inputs give the same bytes: nothing in it depends on when or where it was made but the adapter that
 //! drew the pictures, which it names.
 
+mod agreement;
 mod anonymous;
 mod content;
 mod document;
@@ -33,13 +34,12 @@ use glioscope_core::{
 };
 use glioscope_render::flat::Convention;
 
-pub use anonymous::{Anonymous, anonymous, anonymous_case};
+pub use anonymous::{Anonymous, anonymous, anonymous_case, without_identity};
 pub use document::Report;
 pub use filed::{FileKind, Filing};
-pub use html::recipe_in;
 pub use identity::Identity;
 pub use plot::{Anchor, Plot, Shape, TEXT_PT, shortened};
-pub use recipe::{Recipe, ResponseRecipe, VERSION as RECIPE_VERSION};
+pub use recipe::{Recipe, ResponseRecipe, VERSION as RECIPE_VERSION, recipe_in};
 pub use sentences::words;
 
 use crate::{
@@ -99,7 +99,7 @@ pub struct Options {
 pub enum Form {
     /// One HTML file with its pictures.
     Html,
-    /// PDF (PDF/A-2a, PDF/UA-1).
+    /// PDF (PDF/A-3a, PDF/UA-1).
     Pdf,
     /// Markdown without pictures.
     Markdown,
@@ -261,7 +261,8 @@ pub fn calls_in_words(
     Some([Some(calls), new].into_iter().flatten().collect::<Vec<_>>().join(" "))
 }
 
-/// The measurements of a case and document, both as [`anonymous`] gives them, as a DICOM structured report.
+/// The measurements of a case and document, both as [`anonymous`] gives them, as a DICOM structured report, with the response: `evaluated`, or
+/// that of the document.
 ///
 /// # Errors
 /// [`AppError`] for a case without masks; cancelled.
@@ -269,10 +270,16 @@ pub fn structured(
     case: &Case,
     doc: &Document,
     filing: &Filing,
+    evaluated: Option<&Evaluated>,
     progress: &Progress,
 ) -> Result<Vec<u8>, AppError> {
-    let lesions = doc.edit.lesions.report(case, &doc.edit.change, progress)?;
-    filing.structured(case, doc, lesions.as_ref())
+    let lesions = doc.edit.lesions.report(case, &doc.edit.change, progress)?.map(Arc::new);
+    let own = match evaluated {
+        Some(_) => None,
+        None => evaluate_now(case, doc, lesions.as_ref(), progress)?,
+    };
+    let response = evaluated.or(own.as_ref()).map(|evaluated| &evaluated.response);
+    filing.structured(case, doc, lesions.as_deref(), response)
 }
 
 /// Changes of the compared mask between consecutive dates, and from the first to the last; with what they found.

@@ -10,8 +10,7 @@ use glioscope_core::{
 use serde::{Deserialize, Serialize};
 
 use super::identity::Identity;
-use crate::error::AppError;
-use crate::words::Language;
+use crate::{error::AppError, format::json_in_element, words::Language};
 
 /// The version of recipes that this program writes and reads.
 pub const VERSION: u64 = 1;
@@ -41,7 +40,25 @@ pub struct Recipe {
     pub session: serde_json::Value,
 }
 
+/// How the JSON of a recipe begins: its version comes first.
+const START: &[u8] = b"{\"glioscope_report\":";
+
+/// The recipe in a report's file, whatever its form: JSON as it is written, uncompressed. `None` where there is none.
+///
+/// # Errors
+/// What is wrong with the last one in it.
+pub fn recipe_in(file: &[u8]) -> Result<Option<serde_json::Value>, serde_json::Error> {
+    let Some(at) = memchr::memmem::rfind(file, START) else { return Ok(None) };
+    let mut values = serde_json::Deserializer::from_slice(&file[at..]).into_iter();
+    values.next().transpose()
+}
+
 impl Recipe {
+    /// It as JSON that stands in HTML, in a comment, or in a file of its own.
+    pub fn text(&self) -> String {
+        json_in_element(&serde_json::to_string(self).unwrap_or_default())
+    }
+
     /// SHA-256 of the settings: of the session as compact JSON.
     pub fn settings_sha256(&self) -> String {
         sha256(self.session.to_string().as_bytes())

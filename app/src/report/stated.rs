@@ -1,8 +1,11 @@
 //! What the reader stated for the response, as a table: what, of which scan, and by whom.
 
-use glioscope_core::response::{History, PROGRAM, ScanFacts, Stated};
+use glioscope_core::response::{
+    History, Measurement, PROGRAM, Part, ScanFacts, Stated, TrialNumber, TrialValue,
+};
 use serde::Serialize;
 use serde_json::Value;
+use strum::VariantArray;
 
 use super::{
     document::{Block, Table},
@@ -54,7 +57,26 @@ pub fn blocks(history: &History, words: &Words, redactor: &Redactor, is_named: b
     }
     for surgery in &history.surgery {
         let by = by(&surgery.author, &surgery.entered);
-        rows.row("surgery", "", Some(surgery.date.to_string()), &by);
+        let baseline = surgery.baseline.as_ref().map(|label| ("baseline", label.0.clone()));
+        let targets = surgery.targets.as_ref().map(|all| ("targets", all.join(", ")));
+        let then = [baseline, targets].into_iter().flatten();
+        let then = then.map(|(key, text)| format!(", {}: {text}", words.get(&format!("stated-{key}"))));
+        rows.row("surgery", "", Some(format!("{}{}", surgery.date, then.collect::<String>())), &by);
+    }
+    for number in TrialNumber::VARIANTS {
+        let Some((value, source)) = number.of(&history.trial) else { continue };
+        let value = words.number(&value.to_string());
+        let key = format!("trial-{}", number.key());
+        rows.row(&key, "", Some(format!("{value} ({source})")), "");
+    }
+    if let Some(TrialValue { value: parts, source }) = &history.trial.follow_2010 {
+        let part =
+            |part: &Part| words.get(&format!("stated-part-{}", value(part).as_str().unwrap_or_default()));
+        let parts = parts.iter().map(part).collect::<Vec<_>>().join(", ");
+        rows.row("trial-follow-2010", "", Some(format!("{parts} ({source})")), "");
+    }
+    for one in &history.measurement {
+        rows.row("measurement", &one.date.0, Some(measured(one, words)), "");
     }
     // In the order of the dates, not of the answers.
     let mut of_scans: Vec<&ScanFacts> = history.date.iter().collect();
@@ -81,6 +103,22 @@ pub fn blocks(history: &History, words: &Words, redactor: &Redactor, is_named: b
         Block::Heading(words.get("section-stated")),
         Block::Table(Table { head: head[..columns].to_vec(), text_columns: columns, rows, note: None }),
     ]
+}
+
+/// A lesion that was measured by hand: `A, 20 × 10 mm, 1.5 ml`.
+fn measured(one: &Measurement, words: &Words) -> String {
+    let diameters = match (one.longest_mm, one.perpendicular_mm) {
+        (Some(longest), Some(perpendicular)) => Some(format!("{longest} × {perpendicular} mm")),
+        (longest, perpendicular) => longest.or(perpendicular).map(|mm| format!("{mm} mm")),
+    };
+    let sizes = [
+        one.gone.then(|| words.get("stated-gone")),
+        diameters.map(|text| words.number(&text)),
+        one.product_mm2.map(|mm2| words.number(&format!("{mm2} mm²"))),
+        one.volume_ml.map(|ml| words.number(&format!("{ml} ml"))),
+    ];
+    let all = std::iter::once(one.lesion.clone()).chain(sizes.into_iter().flatten());
+    all.collect::<Vec<_>>().join(", ")
 }
 
 /// Who stated it, and when.
@@ -241,6 +279,35 @@ mod tests {
         let unnamed = cells(&of.without_authors(), Language::En, false).concat();
         assert!(!unnamed.iter().any(|cell| cell.contains("C. D.")), "{unnamed:?}");
         assert!(unnamed[1].contains("proposed by the program"), "{unnamed:?}");
+    }
+
+    #[test]
+    fn a_trials_numbers_what_follows_surgery_and_what_was_measured_by_hand_are_said() {
+        let of = history(
+            "surgery = [{ date = 2024-01-05, baseline = \"2024-02-01\", targets = [\"A\", \"B\"] }]\n\
+             trial = { max_targets = { value = 5, source = \"protocol 6\" }, \
+             follow_2010 = { value = [\"non-target\", \"clinical\"], source = \"protocol 7\" } }\n\
+             measurement = [{ date = 2024-01-01, lesion = \"C\", compartment = \"enhancing\", longest_mm = 20.5, \
+             perpendicular_mm = 10 }, { date = 2024-02-01, lesion = \"C\", compartment = \"enhancing\", gone = true }]",
+            "",
+        );
+        let rows = cells(&of, Language::De, false);
+        let patient = &rows[0][1];
+        for said in [
+            "2024-01-05, Ausgangsbefund: 2024-02-01, Zielläsionen: A, B",
+            "5 (protocol 6)",
+            "Nichtzielläsionen, klinischer Zustand (protocol 7)",
+        ] {
+            assert!(patient.contains(said), "{said}: {patient}");
+        }
+        assert!(!patient.contains("stated-"), "{patient}");
+        assert!(rows[1][1].ends_with("C, 20,5 × 10 mm"), "{rows:?}");
+        assert!(rows[2][1].ends_with("C, verschwunden"), "{rows:?}");
+        let english = cells(&of, Language::En, false);
+        assert!(
+            english[0][1].contains("lesions that aren't targets, clinical state (protocol 7)"),
+            "{english:?}"
+        );
     }
 
     #[test]

@@ -30,6 +30,7 @@ mod pictures;
 pub mod preferences;
 pub mod recent;
 pub mod report;
+pub mod report_file;
 pub mod run;
 pub mod study;
 mod take_home;

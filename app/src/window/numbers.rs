@@ -11,7 +11,7 @@ use glioscope_core::{
     inside_lens::voxels_inside,
     lesions::LesionsReport,
     measure,
-    response::{BtRads, bt_rads},
+    response::{BtRads, Evaluated, bt_rads},
 };
 use serde_json::{Map, Value, json};
 
@@ -19,7 +19,10 @@ use crate::{
     error::AppError,
     model::{Document, ExportFormat, document::ball_ml, rulers},
     output,
-    world::{agreement::with_metrics, response::evaluate_now},
+    world::{
+        agreement::{compare_two, with_metrics},
+        response::evaluate_now,
+    },
 };
 
 /// What is exported, as the window showed it.
@@ -34,6 +37,8 @@ pub struct Shown {
     pub tumor: Option<Arc<RegionVolume>>,
     /// The comparison of dates, where it is computed already.
     pub compared: Option<ChangeReport>,
+    /// The response in place of what the document states.
+    pub response: Option<Evaluated>,
 }
 
 impl Shown {
@@ -42,11 +47,8 @@ impl Shown {
     /// # Errors
     /// [`AppError`] naming the file, or if loading is cancelled.
     pub fn write(&self, path: &Path, progress: &Progress) -> Result<(), AppError> {
-        let numbers = self.json(progress)?;
-        match ExportFormat::of(path) {
-            Some(ExportFormat::Csv) => output::write(path, &self.inputs, &as_csv(&numbers)),
-            _ => output::write_json(path, &self.inputs, &numbers),
-        }
+        let format = ExportFormat::of(path).unwrap_or(ExportFormat::Json);
+        output::write(path, &self.inputs, &as_file(&self.json(progress)?, format)?)
     }
 
     /// All numbers: those of `measure --metrics --json`, and under further keys those of the other panes.
@@ -55,8 +57,14 @@ impl Shown {
     /// [`AppError`] where a computation fails.
     pub fn json(&self, progress: &Progress) -> Result<Value, AppError> {
         let Self { case, doc, .. } = self;
-        let compared = measure::compared(case, &doc.edit.agreement.settings(), progress)?;
-        let mut numbers = with_metrics(&measure::report(case), &compared)?;
+        let agreement = &doc.edit.agreement;
+        let settings = agreement.settings();
+        let compared = measure::compared(case, &settings, progress)?;
+        // What can't be compared is said in its pane.
+        let two = agreement.two.iter().filter_map(|two| compare_two(case, two, &settings, progress).ok());
+        let two: Vec<_> = two.collect();
+        progress.check()?;
+        let mut numbers = with_metrics(&measure::report(case), &compared, &two)?;
         let neighbors = doc.edit.ellipsoids.neighbors;
         let connectivity = Connectivity::of_neighbors(neighbors).unwrap_or_default();
         let ellipsoids = ellipsoid::report(case, connectivity, &ellipsoid::Options::default(), progress)?;
@@ -129,10 +137,12 @@ impl Shown {
 
     /// The response as `response --json` has it; null without criteria.
     fn response(&self, lesions: Option<&Arc<LesionsReport>>, progress: &Progress) -> Result<Value, AppError> {
-        let Some(evaluated) = evaluate_now(&self.case, &self.doc, lesions, progress)? else {
-            return Ok(Value::Null);
+        let own = match &self.response {
+            Some(_) => None,
+            None => evaluate_now(&self.case, &self.doc, lesions, progress)?,
         };
-        let mut value = as_value(&evaluated)?;
+        let Some(evaluated) = self.response.as_ref().or(own.as_ref()) else { return Ok(Value::Null) };
+        let mut value = as_value(evaluated)?;
         if let Some(object) = value.as_object_mut() {
             object.insert("case".to_owned(), self.case.name.clone().into());
         }
@@ -167,6 +177,17 @@ impl Shown {
 fn as_value(numbers: &impl serde::Serialize) -> Result<Value, AppError> {
     serde_json::to_value(numbers)
         .map_err(|e| AppError::wrong("the measurements", format!("what JSON can't hold ({e})"), "numbers"))
+}
+
+/// All numbers as a file.
+///
+/// # Errors
+/// [`AppError`] where JSON can't hold them.
+pub fn as_file(numbers: &Value, format: ExportFormat) -> Result<Vec<u8>, AppError> {
+    match format {
+        ExportFormat::Json => output::json(numbers),
+        ExportFormat::Csv => Ok(as_csv(numbers)),
+    }
 }
 
 /// The document as a table, one row per value: date, what it is of, which quantity (the keys of the document, with

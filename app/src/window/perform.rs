@@ -306,6 +306,7 @@ impl GlioscopeApp {
             compared: compared.map(|compared| compared.report.clone()),
             tumor: self.work.world.tumor(&doc).cloned(),
             inputs: self.work.inputs(),
+            response: None,
             case,
             doc,
         };

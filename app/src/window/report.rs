@@ -1,6 +1,6 @@
 //! The dialog that writes a report, and the report of what the window shows.
 
-use std::{path::Path, sync::Arc};
+use std::path::Path;
 
 use egui::{Button, Grid, Ui};
 use glioscope_core::{
@@ -15,7 +15,7 @@ use jiff::Timestamp;
 
 use super::{
     modal::{self, Reply},
-    offscreen_app::OffscreenApp,
+    report_file::{Asked, ReportFile, file_of},
 };
 pub use crate::report::Options;
 use crate::{
@@ -27,10 +27,10 @@ use crate::{
         reading::{MOST_CONCLUSION, MOST_READER},
     },
     output,
-    report::{self, FileKind, Filing, Form, Identity, Report, ResponseRecipe},
+    report::{self, FileKind, Filing, Identity},
     views::draw,
     words::{Language, Words},
-    world::{Loaded, World, load},
+    world::{World, load},
 };
 
 const WIDTH_POINTS: f32 = 420.0;
@@ -254,41 +254,10 @@ pub fn write(
         Filing::of(case, &spec, options.identity, progress)
     };
     let shown = report::anonymous(case, doc, options)?;
-    let pages = |form: Form| -> Result<(Vec<u8>, String), AppError> {
-        let report = of_anonymous(&shown.case, &shown.doc, (options, form), None, gpu, progress)?;
-        Ok((report::write(&report, form, options.language)?, report.title))
-    };
-    let (bytes, notes) = match kind {
-        FileKind::Pages(form) => (pages(form)?.0, Vec::new()),
-        FileKind::EncapsulatedPdf => {
-            let filing = filing()?;
-            let (pdf, title) = pages(Form::Pdf)?;
-            (filing.encapsulated(&pdf, &title)?, filing.notes)
-        }
-        FileKind::Structured => {
-            let filing = filing()?;
-            (report::structured(&shown.case, &shown.doc, &filing, progress)?, filing.notes)
-        }
-    };
+    let gpu = || Ok(gpu.clone());
+    let asked = Asked { kind, options, response: None, filing: &filing, gpu: &gpu };
+    let ReportFile { bytes, notes, .. } = file_of(&shown.case, &shown.doc, &asked, progress)?;
     output::write(path, inputs, &bytes)?;
     let notes = if notes.is_empty() { String::new() } else { format!(" ({})", notes.join("; ")) };
     Ok(Notice::wrote(format!("Report written to {}{notes}", path.display()), path))
-}
-
-/// The report of a case and document that have no more of the identity than it may show; `response` as in [`report::make`].
-///
-/// # Errors
-/// As [`report::make`].
-pub fn of_anonymous(
-    case: &Arc<Case>,
-    doc: &Document,
-    options: (Options, Form),
-    response: Option<&(Evaluated, ResponseRecipe)>,
-    gpu: &Gpu,
-    progress: &Progress,
-) -> Result<Report, AppError> {
-    let loaded = Loaded::with_made(case.clone(), Vec::new(), case.clone());
-    let work = Workstation { doc: Some(doc.clone()), world: World::new(loaded), ..Workstation::default() };
-    let mut painter = OffscreenApp::new(work, gpu, false)?;
-    report::make((case, doc), options, response, &mut painter, progress)
 }

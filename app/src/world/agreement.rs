@@ -3,9 +3,10 @@
 use std::sync::Arc;
 
 use glioscope_core::{
+    Progress,
     case::Case,
     measure::{
-        self, DateComparison, Operand,
+        self, DateComparison, Operand, PairComparison,
         conventions::{Comparison, Settings},
     },
 };
@@ -23,12 +24,16 @@ pub struct Agreed {
     pub two: Option<([Operand; 2], Result<Comparison, String>)>,
 }
 
-/// The report as JSON with each pair's metrics in the pair, and the raters of each date beside them. What a convention says of
-/// Dice and Jaccard replaces what the report says.
+/// The report as JSON with each pair's metrics in the pair, the raters of each date beside them, and `two` compared of any dates. What a
+/// convention says of Dice and Jaccard replaces what the report says.
 ///
 /// # Errors
 /// [`AppError`] for numbers that JSON can't hold.
-pub fn with_metrics(report: &measure::MeasureReport, compared: &[DateComparison]) -> Result<Value, AppError> {
+pub fn with_metrics(
+    report: &measure::MeasureReport,
+    compared: &[DateComparison],
+    two: &[PairComparison],
+) -> Result<Value, AppError> {
     let json = |value: serde_json::Result<Value>| {
         value.map_err(|e| {
             AppError::wrong("the answer", format!("numbers that JSON can't hold ({e})"), "finite ones")
@@ -43,7 +48,24 @@ pub fn with_metrics(report: &measure::MeasureReport, compared: &[DateComparison]
         }
         time["raters"] = json(serde_json::to_value(&date.raters))?;
     }
+    value["two"] = json(serde_json::to_value(two))?;
     Ok(value)
+}
+
+/// Any two masks or regions compared, by what they are called on the command line.
+///
+/// # Errors
+/// [`AppError`] where they can't be compared; cancelled.
+pub fn compare_two(
+    case: &Case,
+    two: &[Operand; 2],
+    settings: &Settings,
+    progress: &Progress,
+) -> Result<PairComparison, AppError> {
+    let [a, b] = two.each_ref().map(Operand::to_string);
+    let comparison = measure::compared_two(case, two, settings, progress)?
+        .map_err(|why| AppError::Compared(format!("{a} and {b}: {why}")))?;
+    Ok(PairComparison { a, b, comparison })
 }
 
 /// The case, the number of the date, how masks are compared, and the two of any dates.

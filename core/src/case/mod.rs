@@ -313,6 +313,21 @@ pub struct Patient {
     pub id: String,
     /// Date of birth, `YYYYMMDD`.
     pub birth_date: String,
+    /// Sex: `M`, `F` or `O`.
+    pub sex: String,
+    /// The studies that the files say they are of, in their order.
+    pub studies: Vec<Study>,
+}
+
+/// A study as files name it; each text is empty where they don't.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Study {
+    /// Label of its date.
+    pub time: String,
+    /// Its description.
+    pub description: String,
+    /// Its accession number.
+    pub accession_number: String,
 }
 
 /// A loaded, checked case.

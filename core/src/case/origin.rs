@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{CaseError, Patient, names::at_time};
+use super::{CaseError, Patient, Study, names::at_time};
 use crate::{Check, check::listed, files::Origin};
 
 /// An image or mask with what its file says.
@@ -21,7 +21,26 @@ pub(super) fn patient(all: &[Stated]) -> Patient {
         name: first(|o| &o.patient_name),
         id: first(|o| &o.patient_id),
         birth_date: first(|o| &o.birth_date),
+        sex: first(|o| &o.sex),
+        studies: studies(all),
     }
+}
+
+/// Each study once, with what its files say of it.
+fn studies(all: &[Stated]) -> Vec<Study> {
+    let mut found: Vec<Study> = Vec::new();
+    for Stated { time, origin, .. } in all {
+        let study = Study {
+            time: time.clone(),
+            description: origin.study_description.clone(),
+            accession_number: origin.accession_number.clone(),
+        };
+        let is_named = !study.description.is_empty() || !study.accession_number.is_empty();
+        if is_named && !found.contains(&study) {
+            found.push(study);
+        }
+    }
+    found
 }
 
 /// Refuses files of several patients, and says which of them don't claim one space. `is_one_patient`: the user has said so.
@@ -72,6 +91,29 @@ mod tests {
             ..Origin::default()
         };
         Stated { id: id.into(), time: String::new(), origin }
+    }
+
+    #[test]
+    fn each_study_is_named_once_and_a_file_that_names_none_adds_none() {
+        let of = |time: &str, accession_number: &str| {
+            let origin = Origin {
+                accession_number: accession_number.into(),
+                study_description: if accession_number.is_empty() { String::new() } else { "MR head".into() },
+                sex: "F".into(),
+                ..Origin::default()
+            };
+            Stated { id: "a".into(), time: time.into(), origin }
+        };
+        let found = patient(&[
+            of("2024-01-01", ""),
+            of("2024-01-01", "1"),
+            of("2024-01-01", "1"),
+            of("2024-03-01", "2"),
+        ]);
+        let named: Vec<_> =
+            found.studies.iter().map(|s| (s.time.as_str(), s.accession_number.as_str())).collect();
+        assert_eq!(named, [("2024-01-01", "1"), ("2024-03-01", "2")]);
+        assert_eq!(found.sex, "F");
     }
 
     #[test]

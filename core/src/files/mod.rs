@@ -176,6 +176,12 @@ pub struct Origin {
     pub patient_id: String,
     /// `YYYYMMDD`.
     pub birth_date: String,
+    /// `M`, `F` or `O`.
+    pub sex: String,
+    /// Study Description.
+    pub study_description: String,
+    /// Accession Number of the study.
+    pub accession_number: String,
     /// Frame of Reference UID: positions in files of one are comparable.
     pub frame_of_reference: String,
 }

@@ -1,5 +1,7 @@
 //! The masks of a case compared by a named convention: every pair of a date, and all of them together.
 
+use std::fmt;
+
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -63,7 +65,52 @@ pub struct Operand {
     pub is_region: bool,
 }
 
+impl fmt::Display for Operand {
+    /// As [`Self::parse`] reads it.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let region = if self.is_region { "=" } else { "" };
+        write!(f, "{region}{}", self.masks.join("+"))?;
+        if self.time.is_empty() { Ok(()) } else { write!(f, "@{}", self.time) }
+    }
+}
+
 impl Operand {
+    /// That of `ID`, `ID+ID` (a union) or `=ID+ID` (a region: exactly these masks), with `@DATE` unless the case has one date.
+    ///
+    /// # Errors
+    /// What was found and expected, where the case has no such date or masks.
+    pub fn parse(case: &Case, text: &str) -> Result<Self, String> {
+        let (is_region, rest) = text.strip_prefix('=').map_or((false, text), |rest| (true, rest));
+        let has = |time: &TimePoint, id: &str| time.masks.iter().any(|m| m.mask.id() == id);
+        let of_case = |id: &str| case.time_points.iter().any(|time| has(time, id));
+        // A mask may have an @ in its name.
+        let (names, label) = match rest.rsplit_once('@') {
+            Some((names, label)) if !of_case(rest) => (names, Some(label)),
+            _ => (rest, None),
+        };
+        let labels = || case.time_labels().join(", ");
+        let time = match (label, case.time_points.as_slice()) {
+            (Some(label), all) => all
+                .iter()
+                .find(|time| time.label == label)
+                .ok_or_else(|| format!("found date {label:?} in {text:?}, expected one of {}", labels()))?,
+            (None, [only]) => only,
+            (None, _) => {
+                return Err(format!("found {text:?} without a date, expected ID@DATE, one of {}", labels()));
+            }
+        };
+        // Or a + in it.
+        let masks: Vec<String> = match has(time, names) {
+            true => vec![names.to_owned()],
+            false => names.split('+').map(|id| id.trim().to_owned()).collect(),
+        };
+        if let Some(id) = masks.iter().find(|id| !has(time, id)) {
+            let ids: Vec<&str> = time.masks.iter().map(|m| m.mask.id()).collect();
+            return Err(format!("found no mask {id:?} in {text:?}, expected some of {}", ids.join(", ")));
+        }
+        Ok(Self { time: time.label.clone(), masks, is_region })
+    }
+
     /// Its date and voxels; the reason where the case lacks them.
     fn voxels(&self, case: &Case) -> Result<(usize, MaskBits), String> {
         let Self { time, masks, is_region } = self;
@@ -256,6 +303,17 @@ mod tests {
             .map(|(a, b)| (a & b).count_ones())
             .sum::<u32>();
         assert_eq!(dates.overlap.both, u64::from(both));
+        for one in [of(0, &["T1"], false), of(1, &["T1", "PET"], true)] {
+            assert_eq!(Operand::parse(&case, &one.to_string()), Ok(one));
+        }
+        let first = &case.time_points[0].label;
+        let unknown = format!("X+T1@{first}");
+        for (wrong, said) in
+            [("T1", "without a date"), ("T1@never", "date \"never\""), (unknown.as_str(), "no mask \"X\"")]
+        {
+            let found = Operand::parse(&case, wrong).unwrap_err();
+            assert!(found.contains(said), "{wrong}: {found}");
+        }
         for wrong in [
             of(0, &["no such"], false),
             of(0, &[], true),

@@ -1,5 +1,6 @@
 //! The table of metrics between two masks: result tables, tooltips, JSON and docs are derived from its rows.
 
+use super::conventions::Convention;
 use crate::{TumorIndex, regions::Regions};
 
 /// Input of a metric: two masks of one tumour index.
@@ -55,8 +56,10 @@ pub struct PairMetric {
     of: fn(&PairInput<'_>) -> f64,
 }
 
-/// All metrics, in the order of tables. Empty masks follow the convention of MetricsReloaded and BraTS: two empty masks
-/// agree perfectly.
+/// The convention that [`PAIR_METRICS`] follow: two empty masks agree perfectly.
+pub const PAIR_CONVENTION: Convention = Convention::MetricsReloaded;
+
+/// All metrics, in the order of tables, by [`PAIR_CONVENTION`].
 pub const PAIR_METRICS: &[PairMetric] = &[
     PairMetric {
         key: "dice",

@@ -9,7 +9,7 @@ mod statistics;
 use serde::{Serialize, Serializer, ser::SerializeMap};
 
 pub use compared::{DateComparison, Operand, PairComparison, Raters, compared, compared_at, compared_two};
-pub use metrics::{PAIR_METRICS, PairInput, PairMetric};
+pub use metrics::{PAIR_CONVENTION, PAIR_METRICS, PairInput, PairMetric};
 pub use statistics::{Statistics, ValueHistogram, in_ball, in_circle, of as statistics_of, statistics};
 
 use crate::{
@@ -44,9 +44,10 @@ impl Pair {
 
 impl Serialize for Pair {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(Some(2 + self.values.len()))?;
+        let mut map = serializer.serialize_map(Some(3 + self.values.len()))?;
         map.serialize_entry("a", &self.a)?;
         map.serialize_entry("b", &self.b)?;
+        map.serialize_entry("convention", &PAIR_CONVENTION)?;
         for (metric, value) in self.metrics() {
             map.serialize_entry(metric.key, &value)?;
         }
@@ -267,7 +268,10 @@ mod tests {
         assert!((p.value("jaccard").unwrap() - 2.0 / 8.0).abs() < 1e-15);
         let json = serde_json::to_string(&p).unwrap();
         // Further metrics follow.
-        assert!(json.starts_with(r#"{"a":"a","b":"b","dice":0.4,"jaccard":0.25"#), "{json}");
+        assert!(
+            json.starts_with(r#"{"a":"a","b":"b","convention":"metrics-reloaded","dice":0.4,"jaccard":0.25"#),
+            "{json}"
+        );
     }
 
     #[test]

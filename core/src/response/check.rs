@@ -2,9 +2,12 @@
 
 use std::collections::HashSet;
 
+use strum::VariantArray;
+
 use super::{
     history::{Assessment, History, HistoryError, MAX_MEASUREMENTS, MAX_SCANS, Measurement, VERSION},
-    rules::{Criterion, RuleId, rule},
+    rules::Criterion,
+    trial::TrialNumber,
 };
 use crate::dates::iso_date;
 
@@ -163,48 +166,12 @@ impl History {
 
     fn check_trial(&self) -> Result<(), HistoryError> {
         let trial = &self.trial;
-        let keys = [
-            (
-                "max_targets",
-                &trial.max_targets.as_ref().map(|v| (f64::from(v.value), &v.source)),
-                RuleId::MaxTargets,
-            ),
-            (
-                "confirm_response_days",
-                &trial.confirm_response_days.as_ref().map(|v| (f64::from(v.value), &v.source)),
-                RuleId::ConfirmResponse,
-            ),
-            (
-                "confirm_progression_days",
-                &trial.confirm_progression_days.as_ref().map(|v| (f64::from(v.value), &v.source)),
-                RuleId::ConfirmProgression,
-            ),
-            (
-                "minor_response_volume_percent",
-                &trial.minor_response_volume_percent.as_ref().map(|v| (v.value, &v.source)),
-                RuleId::PartialResponseVolume,
-            ),
-            (
-                "progression_absolute_mm",
-                &trial.progression_absolute_mm.as_ref().map(|v| (v.value, &v.source)),
-                RuleId::Progression,
-            ),
-        ];
-        for (key, stated, id) in keys {
-            let Some((value, source)) = stated else { continue };
-            let place = format!("history, trial.{key}");
-            in_range(&place, "value", Some(*value), 0.0, 10_000.0)?;
+        for number in TrialNumber::VARIANTS {
+            let Some((value, source)) = number.of(trial) else { continue };
+            let place = format!("history, trial.{}", number.key());
+            in_range(&place, "value", Some(value), 0.0, 10_000.0)?;
             named(&place, "source", source)?;
-            let usable = match key {
-                "minor_response_volume_percent" => self.criterion == Criterion::Rano20,
-                "progression_absolute_mm" => self.criterion == Criterion::RanoBm,
-                "confirm_progression_days" => {
-                    matches!(self.criterion, Criterion::ModifiedRano | Criterion::ImmunoRano)
-                }
-                // RANO-LGG states it of partial response alone.
-                _ => rule(self.criterion, id).is_none() || self.criterion == Criterion::RanoLgg,
-            };
-            if !usable {
+            if !number.is_open(self.criterion) {
                 let found = format!("a value with {}", self.criterion.name());
                 return Err(wrong(&place, found, "criteria that don't state it themselves"));
             }

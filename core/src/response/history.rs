@@ -8,6 +8,7 @@ use thiserror::Error;
 use super::{
     fact::{Fact, Label, PROGRAM, Radiotherapy, Stated, When, text_of_day},
     rules::Criterion,
+    trial::Trial,
 };
 
 /// The version read.
@@ -285,48 +286,6 @@ pub struct Repeatabilities {
     pub longest: Option<Repeatability>,
     /// Of volumes.
     pub volume: Option<Repeatability>,
-}
-
-/// A number that the trial states.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct TrialValue<T> {
-    /// The number.
-    pub value: T,
-    /// Where the trial states it.
-    pub source: String,
-}
-
-/// A part of RANO 2010 that a trial takes over.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Part {
-    /// Which lesions are measurable.
-    Measurable,
-    /// Non-target disease.
-    NonTarget,
-    /// Steroids.
-    Steroids,
-    /// Clinical state.
-    Clinical,
-}
-
-/// What a trial states where no source of the criterion that was read does.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Trial {
-    /// Parts that follow RANO 2010.
-    pub follow_2010: Option<TrialValue<Vec<Part>>>,
-    /// Most targets.
-    pub max_targets: Option<TrialValue<u32>>,
-    /// Days after which a response is confirmed.
-    pub confirm_response_days: Option<TrialValue<u32>>,
-    /// Days after which progression is confirmed.
-    pub confirm_progression_days: Option<TrialValue<u32>>,
-    /// Decrease of volume of a minor response in %.
-    pub minor_response_volume_percent: Option<TrialValue<f64>>,
-    /// Least absolute rise of progression in mm.
-    pub progression_absolute_mm: Option<TrialValue<f64>>,
 }
 
 /// What the user states about a patient.

@@ -28,13 +28,14 @@ mod targets;
 #[cfg(test)]
 mod tests;
 mod timeline;
+mod trial;
 
 pub use bt_rads::{Answer, BtRads, Category as BtRadsCategory, Question, bt_rads, bt_rads_answered};
 pub use fact::{Fact, Label, PROGRAM, Radiotherapy, Stated, When};
 pub use history::{
     Assessment, Clinical, Compartment, Disease, Field, Flair, Histology, History, HistoryError, Measurement,
-    NewLesion, NonTarget, Part, Repeatabilities, Repeatability, ScanFacts, SteroidReason, Surgery, Technique,
-    Treatment, TreatmentKind, Trial, TrialValue,
+    NewLesion, NonTarget, Repeatabilities, Repeatability, ScanFacts, SteroidReason, Surgery, Technique,
+    Treatment, TreatmentKind,
 };
 pub use margin::{COVERAGE, Margin, false_fall, false_rise};
 pub use measured::{Evaluated, evaluate_lesions, measured_compartments, name_of, unstated_new};
@@ -45,6 +46,7 @@ pub use result::{
     Response, SumReport, TargetReport,
 };
 pub use rules::{Criterion, Mark, RULES, Rule, RuleId, UNSTATED, Unstated};
+pub use trial::{Part, Trial, TrialNumber, TrialValue};
 
 use crate::phrase::{Phrase, Value};
 use call::Outcome;

@@ -1,11 +1,12 @@
 //! Which lesions are targets: measurable at the baseline, and within the criterion's number.
 
 use super::{
-    history::{Assessment, Compartment, History, Measurement, Part},
+    history::{Assessment, Compartment, History, Measurement},
     phrases as say,
     result::TargetReport,
     rules::{Criterion, Rule, RuleId, rule, unstated_phrase},
     timeline::{Epoch, Scan},
+    trial::Part,
 };
 use crate::phrase::{Phrase, Value};
 

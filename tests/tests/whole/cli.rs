@@ -506,3 +506,26 @@ fn values_of_images_in_masks_are_measured_where_asked_for() {
         "{text}"
     );
 }
+
+#[test]
+fn any_two_masks_or_regions_of_any_dates_are_compared() {
+    let sample = ["measure", "--sample", "--metrics", "--json"];
+    let plain = json(&sample);
+    let labels: Vec<&str> =
+        plain["time_points"].as_array().unwrap().iter().map(|t| t["time"].as_str().unwrap()).collect();
+    let (a, b) = (format!("T1@{}", labels[0]), format!("T2@{}", labels[0]));
+    let region = format!("=T1+PET@{}", labels[1]);
+    let with = json(&[&sample[..], &["--two", &a, &b, "--two", &region, &region]].concat());
+    let two = with["two"].as_array().unwrap();
+    // Two masks of one date are the pair of its table; a region agrees with itself.
+    let mut pair = plain["time_points"][0]["pairs"][0].clone();
+    (pair["a"], pair["b"]) = (a.clone().into(), b.into());
+    assert_eq!(two[0], pair);
+    assert_eq!((&two[1]["dice"], &two[1]["hd_mm"]), (&1.0.into(), &0.0.into()));
+    let refused = |two: [&str; 2], word: &str| {
+        assert_refused(&[&sample[..], &["--two"], &two].concat(), &["--two", word, "expected"]);
+    };
+    refused(["T1", &a], "without a date");
+    refused(["no such@never", &a], "\"never\"");
+    assert_refused(&["measure", "--sample", "--two", &a, &a], &["--metrics"]);
+}

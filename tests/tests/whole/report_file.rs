@@ -66,16 +66,30 @@ fn a_report_is_made_again_byte_for_byte_and_what_differs_is_said() {
         !page.contains("http://")
             || page.matches("http://").count() == page.matches("http://www.w3.org/2000/svg").count()
     );
-    let recipe = recipe_in(&page).unwrap().replace("\\u003c", "<");
-    let recipe: serde_json::Value = serde_json::from_str(&recipe).unwrap();
+    let recipe = recipe_in(page.as_bytes()).unwrap().unwrap();
     let settings = sha256(recipe["session"].to_string().as_bytes());
     assert!(words(&page).contains(&settings), "the settings' hash stands at the end");
     let again = run(PROGRAM, &["replay", "--software", text(&one)]);
     let stdout = String::from_utf8_lossy(&again.stdout).into_owned();
     assert!(again.status.success() && stdout.contains("the same bytes again"), "{stdout}");
 
+    // So does every other form of it.
+    let others = ["one.md", "one.pdf", "one.dcm"].map(|name| folder.path().join(name));
+    for other in &others {
+        let made = run(PROGRAM, &[&["report", "--software", "--out", text(other)], &options[..]].concat());
+        assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    }
+    for other in [&others[0], &others[2]] {
+        let again = run(PROGRAM, &["replay", "--software", text(other)]);
+        assert!(again.status.success(), "{}", String::from_utf8_lossy(&again.stderr));
+    }
+
     // Another follow-up in the same place.
     ball(&case.join("A_2024-03-01.nii.gz"), 9.0);
+    let line = refusal(&["replay", "--software", text(&others[0])]);
+    assert!(line.contains("section \"Change between dates\"") && !line.contains("2024-01-01\""), "{line}");
+    let line = refusal(&["replay", "--software", text(&others[1])]);
+    assert!(line.contains("differs: 1 input files") && line.contains("; the pages"), "{line}");
     let line = refusal(&["replay", "--software", text(&one)]);
     for expected in ["1 input files", "section \"Change between dates\"", "expected the same bytes again"] {
         assert!(line.contains(expected), "{expected}: {line}");
@@ -85,7 +99,9 @@ fn a_report_is_made_again_byte_for_byte_and_what_differs_is_said() {
     std::fs::write(folder.path().join("page.html"), "<!doctype html><p>hello</p>").unwrap();
     let line = refusal(&["replay", text(&folder.path().join("page.html"))]);
     assert!(
-        line.contains("found no recipe, expected a report that glioscope report wrote as HTML"),
+        line.contains(
+            "found no recipe, expected a report that glioscope report wrote as .html, .pdf, .md or .dcm"
+        ),
         "{line}"
     );
 }
@@ -105,6 +121,19 @@ fn a_report_names_nobody_unless_asked() {
         }
         assert!(page.contains("1, 2") && page.contains("left out of this report"));
     }
+    for ending in ["json", "csv"] {
+        let numbers = report(&[text(&case)], &out(&format!("none.{ending}")));
+        for canary in ["Doe", "Jane", "4711", text(folder.path())] {
+            assert!(!numbers.contains(canary), "{ending}: {canary}");
+        }
+        assert!(numbers.contains("native_volume_ml") && numbers.contains("hd95_mm"));
+    }
+    let numbers = report(&[text(&case), "--identity", "full", "--criteria", "rano-2.0"], &out("full.json"));
+    let numbers: serde_json::Value = serde_json::from_str(&numbers).unwrap();
+    assert_eq!(
+        (&numbers["case"], &numbers["response"]["criterion"]),
+        (&"Doe_Jane_4711".into(), &"rano-2.0".into())
+    );
     let page = report(&[text(&case), "--identity", "full"], &out("full.html"));
     assert!(page.contains("Comparison of tumour segmentations: Doe_Jane_4711"));
     // Without paths the case must be given.
@@ -130,6 +159,8 @@ fn a_report_of_dicom_has_as_much_of_the_identity_as_was_chosen() {
     };
     let (none, initials, full) = (page("none"), page("initials"), page("full"));
     assert!(full.contains("<dt>Patient</dt><dd>") && full.contains("STS_003"));
+    assert!(full.contains("<dt>Sex</dt>") && full.contains("<dt>Study</dt>"), "{}", &full[..4000]);
+    assert!(!none.contains("<dt>Study</dt>") && !initials.contains("<dt>Sex</dt>"));
     assert!(!none.contains("STS_003") && !initials.contains("STS_003") && !none.contains("dicom-multimodal"));
     assert!(initials.contains("<dt>Patient</dt><dd>S.</dd>"), "{}", &initials[..4000]);
 }
@@ -215,9 +246,10 @@ fn a_report_never_replaces_a_file_unasked_nor_an_input() {
     assert!(line.contains("found a file that exists"), "{line}");
     assert_eq!(std::fs::read_to_string(&out).unwrap(), "another report");
     report(&["--mask", &mask, "--force"], &out);
-    for (name, expected) in
-        [("x.pdfx", ".html, .pdf, .md, .dcm, .sr.dcm, or a folder"), ("x.txt", ".sr.dcm, or a folder")]
-    {
+    for (name, expected) in [
+        ("x.pdfx", ".html, .pdf, .md, .json, .csv, .dcm, .sr.dcm, or a folder"),
+        ("x.txt", ".sr.dcm, or a folder"),
+    ] {
         let line =
             refusal(&["report", "--mask", &mask, "--software", "--out", text(&folder.path().join(name))]);
         assert!(line.contains(expected), "{line}");

@@ -521,7 +521,7 @@ fn recipes(made: &Made) -> Vec<Value> {
     let recipe = |more: &[&str]| {
         let output = run(PROGRAM, &[&["report", "--software", "--force", "--out", &out], more].concat());
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        serde_json::from_str(recipe_in(&std::fs::read_to_string(&out).unwrap()).unwrap()).unwrap()
+        recipe_in(&std::fs::read(&out).unwrap()).unwrap().unwrap()
     };
     let full = ["--history", &history, "--identity", "full", "--language", "de", "--criteria", "rano-2010"];
     vec![recipe(&[&case[..], &full].concat()), recipe(&[&case[..], &["--criteria", "rano-bm"]].concat())]

@@ -17,9 +17,10 @@ const BASE: &str = "https://glioscope.invalid/";
 /// The schema of parts, which is of no output.
 const COMMON: &str = "common";
 /// Keys that an output may lack: schema, key.
-const OPTIONAL: [(&str, &str); 6] = [
+const OPTIONAL: [(&str, &str); 7] = [
     ("measure", "statistics"),
     ("measure", "raters"),
+    ("measure", "two"),
     ("numbers", "raters"),
     ("change", "self_check"),
     ("info", "cross_check"),

@@ -260,6 +260,9 @@ fn a_report_replaces_only_one_of_its_own_case_and_all_of_it() {
     assert_eq!(std::fs::read_to_string(out.join("notes.txt")).unwrap(), "mine");
     let numbers: Value = serde_json::from_slice(&std::fs::read(out.join("measure.json")).unwrap()).unwrap();
     assert_eq!(numbers["time_points"][0]["masks"][0]["voxels"], 125);
+    let all: Value = serde_json::from_slice(&std::fs::read(out.join("numbers.json")).unwrap()).unwrap();
+    assert_eq!(all["time_points"][0]["masks"][0]["voxels"], 125);
+    assert!(std::fs::read_to_string(out.join("numbers.csv")).unwrap().starts_with("time,of,quantity,value"));
 }
 
 /// Each number out of range, and each unknown key, is one line; none is a panic.

@@ -250,6 +250,13 @@ fn an_image_is_registered_within_its_date_and_a_reader_accepts_it() {
     harness.run_ok();
     let fusion = doc(&harness).edit.fusion.clone();
     assert_eq!((fusion.second.unwrap().id.as_str(), fusion.mixing), ("PET", Mixing::Swipe));
+    // Not accepted yet, it can be rejected; undo brings it back.
+    harness.get_by_label("Reject").click_accesskit();
+    wait_for_workers(&mut harness);
+    assert_eq!(aligned(&harness), []);
+    perform(&mut harness, EditCommand::Undo);
+    wait_for_workers(&mut harness);
+    assert_eq!(aligned(&harness).len(), 2);
     harness.get_by_label("Accept").click_accesskit();
     wait_for_workers(&mut harness);
     let day = aligned(&harness)[1].accepted.clone().unwrap();

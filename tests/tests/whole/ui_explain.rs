@@ -94,6 +94,18 @@ fn explaining_says_the_size_without_names_and_plays_the_dates() {
     wait_for_workers(&mut harness);
     assert_eq!(doc(&harness).nav.time, 1);
     assert!(harness.query_all_by_label_contains("now,").count() > 0, "what became of it");
+    // Played, the other date comes after two seconds; steps are of a quarter.
+    harness.get_by_label("Play").click();
+    harness.step();
+    let times: Vec<usize> = (0..12)
+        .map(|_| {
+            harness.step();
+            doc(&harness).nav.time
+        })
+        .collect();
+    assert!(times[..4] == [1; 4] && times[11] == 0, "{times:?}");
+    harness.get_by_label("Stop").click();
+    wait_for_workers(&mut harness);
     harness.get_by_label("Deutsch").click();
     harness.run_ok();
     assert!(harness.query_by_label("In wahrer Größe").is_some());

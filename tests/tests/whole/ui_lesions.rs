@@ -45,7 +45,7 @@ fn labels(harness: &Window, part: &str) -> usize {
 }
 
 #[test]
-fn a_reader_verifies_unlinks_merges_names_and_ignores_and_undoes() {
+fn a_reader_verifies_unlinks_names_and_ignores_and_undoes() {
     let folder = tempfile::tempdir().unwrap();
     let mut harness = opened(folder.path());
     assert_eq!(labels(&harness, "Link from"), 3, "one that continues, two of a split");
@@ -107,6 +107,35 @@ fn a_reader_verifies_unlinks_merges_names_and_ignores_and_undoes() {
     left.dedup();
     assert_eq!(left, [3, 2, 1, 0]);
     assert_eq!(labels(&harness, "Lesion A at 2024-07-01"), 2);
+}
+
+/// Selects two components: a click, then one with Shift.
+fn select_two(harness: &mut Window, one: &str, two: &str) {
+    harness.get_by_label_contains(one).click();
+    wait_for_workers(harness);
+    harness.get_by_label_contains(two).click_modifiers(Modifiers::SHIFT);
+    wait_for_workers(harness);
+}
+
+#[test]
+fn two_components_of_a_date_are_merged_and_of_two_dates_linked() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut harness = opened(folder.path());
+    // What vanished, and what is new where it wasn't: the reader says that they are one.
+    select_two(&mut harness, "Lesion B at 2024-01-01", "Lesion C at 2024-07-01");
+    harness.get_by_label("Link").click();
+    wait_for_workers(&mut harness);
+    assert!(matches!(doc(&harness).edit.lesions.edits[..], [Edit::Link { .. }]));
+    assert!(labels(&harness, "Lesion B at 2024-07-01") > 0 && labels(&harness, "Lesion C at") == 0);
+
+    // Both of the first date are pieces of one lesion.
+    perform(&mut harness, EditCommand::Undo);
+    wait_for_workers(&mut harness);
+    select_two(&mut harness, "Lesion A at 2024-01-01", "Lesion B at 2024-01-01");
+    harness.get_by_label("Merge").click();
+    wait_for_workers(&mut harness);
+    assert!(matches!(doc(&harness).edit.lesions.edits[..], [Edit::Merge { .. }]));
+    assert_eq!(labels(&harness, "Lesion A at 2024-01-01"), 2, "two pieces of one lesion");
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! A report as one PDF file that can be kept and read aloud: PDF/A-2a and PDF/UA-1, with its fonts in it.
+//! A report as one PDF file that can be kept and read aloud: PDF/A-3a and PDF/UA-1, with its fonts in it.
 
 mod draft;
 mod layout;

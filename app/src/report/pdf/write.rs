@@ -5,6 +5,7 @@ use krilla::{
     color::rgb,
     configure::{Accessibility, Archival, ConfigurationBuilder},
     destination::XyzDestination,
+    embed::{AssociationKind, EmbeddedFile, MimeType},
     error::KrillaError,
     geom::{PathBuilder, Point, Rect, Size, Transform},
     metadata::{DateTime, Metadata},
@@ -35,13 +36,13 @@ const QUARTER: f64 = 0.552_284_749_8;
 /// Names of a plot are not set smaller than this share of their height.
 const LEAST_WORD: f64 = 0.55;
 
-/// The pages as a file of PDF/A-2a and PDF/UA-1.
+/// The pages as a file of PDF/A-3a and PDF/UA-1, with the recipe attached.
 ///
 /// # Errors
 /// What krilla finds against these standards.
 pub fn write(draft: &Draft<'_>, report: &Report, title: &str, words: &Words) -> Result<Vec<u8>, String> {
     let configuration = ConfigurationBuilder::new()
-        .with_archival_validator(Archival::A2_A)
+        .with_archival_validator(Archival::A3_A)
         .with_accessibility_validator(Accessibility::UA1)
         .finish()
         .map_err(|e| format!("PDF: found {e:?}, expected standards that go together"))?;
@@ -62,6 +63,8 @@ pub fn write(draft: &Draft<'_>, report: &Report, title: &str, words: &Words) -> 
         surface.finish();
         page.finish();
     }
+    // The standard wants a date; the same report is the same file, whenever it is written.
+    let date = DateTime::new(2000).month(1).day(1).hour(0).minute(0).second(0).utc_offset_hour(0);
     let language = language(report);
     let mut tree = TagTree::new().with_lang(Some(language.clone()));
     for node in &draft.tree {
@@ -70,9 +73,8 @@ pub fn write(draft: &Draft<'_>, report: &Report, title: &str, words: &Words) -> 
         }
     }
     document.set_tag_tree(tree);
+    document.embed_file(recipe(report, words, date)).ok_or("PDF: found two attachments, expected one")?;
     document.set_outline(outline(draft));
-    // The standard wants a date; the same report is the same file, whenever it is written.
-    let date = DateTime::new(2000).month(1).day(1).hour(0).minute(0).second(0).utc_offset_hour(0);
     let metadata = Metadata::new()
         .title(title.to_owned())
         .language(language)
@@ -82,12 +84,26 @@ pub fn write(draft: &Draft<'_>, report: &Report, title: &str, words: &Words) -> 
     document.finish().map_err(|e| match e {
         KrillaError::Validation(errors) => {
             format!(
-                "PDF: found {:?}, expected PDF/A-2a and PDF/UA-1",
+                "PDF: found {:?}, expected PDF/A-3a and PDF/UA-1",
                 errors.into_iter().map(|(e, _)| e).collect::<Vec<_>>()
             )
         }
         other => format!("PDF: found {other}, expected a report that can be written"),
     })
+}
+
+/// What the report was made with. Not compressed: it is found again without a reader of PDF.
+fn recipe(report: &Report, words: &Words, date: DateTime) -> EmbeddedFile {
+    EmbeddedFile {
+        path: "glioscope-recipe.json".to_owned(),
+        mime_type: MimeType::new("application/json"),
+        description: Some(words.get("section-made")),
+        association_kind: AssociationKind::Source,
+        data: report.recipe.text().into_bytes().into(),
+        modification_date: Some(date),
+        compress: Some(false),
+        location: None,
+    }
 }
 
 /// The language's code, or that of an unknown one.

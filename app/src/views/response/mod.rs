@@ -1,12 +1,14 @@
 //! Response by criteria: what a reader states, asked for where it can change a call, and the calls with their reasons.
 
 mod bt_rads;
+mod by_hand;
 mod calls;
 mod fields;
 mod links;
 mod patient;
 mod rules;
 mod scans;
+mod trial;
 
 use std::collections::{BTreeMap, HashSet};
 
@@ -198,6 +200,8 @@ impl ResponsePane {
                 if let Some(evaluated) = &evaluated {
                     calls::reasons(ui, evaluated, self.date.as_deref());
                 }
+                by_hand::show(ui, &input, &mut history);
+                trial::show(ui, &mut history);
                 rules::repeatability(ui, &mut history);
                 rules::show(ui, history.criterion);
                 ui.weak("By public descriptions of the criteria, not for clinical use");

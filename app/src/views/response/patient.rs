@@ -1,8 +1,12 @@
 //! What is asked of the patient: baseline, targets, radiotherapy, disease, treatment, surgery.
 
 use egui::Ui;
-use glioscope_core::response::{
-    Disease, Fact, History, Input as Asked, Label, Radiotherapy, Stated, Surgery, Treatment, TreatmentKind,
+use glioscope_core::{
+    dates::leading_date,
+    response::{
+        Disease, Fact, History, Input as Asked, Label, Radiotherapy, Stated, Surgery, Treatment,
+        TreatmentKind, When,
+    },
 };
 
 use super::{
@@ -13,6 +17,7 @@ use crate::views::{draw::name_widget, pane::Input};
 
 const DISEASE: [(Disease, &str); 2] =
     [(Disease::NewlyDiagnosed, "newly diagnosed"), (Disease::Recurrent, "recurrent")];
+const TARGETS_TIP: &str = "Names of lesions, with commas; empty: all measurable lesions of the baseline";
 const KINDS: [(TreatmentKind, &str); 3] = [
     (TreatmentKind::Drug, "drug"),
     (TreatmentKind::Immunotherapy, "immunotherapy"),
@@ -41,7 +46,7 @@ pub(super) fn show(ui: &mut Ui, input: &Input<'_>, history: &mut History, wanted
     if asks(Asked::Treatment) || history.treatment.is_some() {
         treatments(ui, history, by);
     }
-    surgeries(ui, history, by);
+    surgeries(ui, input, history, by);
 }
 
 fn baseline(ui: &mut Ui, input: &Input<'_>, history: &mut History, by: &By) {
@@ -91,7 +96,7 @@ fn radiotherapy(ui: &mut Ui, history: &mut History, by: &By) {
 
 fn targets(ui: &mut Ui, history: &mut History, by: &By) {
     for (title, tip, is_main) in [
-        ("Targets", "Names of lesions, with commas; empty: all measurable lesions of the baseline", true),
+        ("Targets", TARGETS_TIP, true),
         ("Not targets", "Lesions that are followed, but aren't targets", false),
     ] {
         ui.horizontal_wrapped(|ui| {
@@ -102,14 +107,7 @@ fn targets(ui: &mut Ui, history: &mut History, by: &By) {
                 label.clone().on_hover_text(said(fact.author.as_deref(), fact.entered.as_deref()));
             }
             if let Some(typed) = text(ui, title, label.id, &stated, 180.0) {
-                let names = typed.split(',').map(str::trim).filter(|name| !name.is_empty());
-                let mut all: Vec<String> = Vec::new();
-                for name in names {
-                    if !all.iter().any(|other| other == name) {
-                        all.push(name.to_owned());
-                    }
-                }
-                *fact = (!all.is_empty()).then(|| by.fact(all));
+                *fact = Some(names_in(&typed)).filter(|all| !all.is_empty()).map(|all| by.fact(all));
             }
             if is_main && history.targets.is_none() {
                 ui.weak("all measurable lesions of the baseline");
@@ -203,7 +201,7 @@ fn another_treatment(ui: &mut Ui, history: &mut History, by: &By) {
     });
 }
 
-fn surgeries(ui: &mut Ui, history: &mut History, by: &By) {
+fn surgeries(ui: &mut Ui, input: &Input<'_>, history: &mut History, by: &By) {
     let mut removed = None;
     ui.horizontal_wrapped(|ui| {
         let label = ui.label("Surgery").on_hover_text("Resets baseline, lowest sum and targets");
@@ -222,4 +220,54 @@ fn surgeries(ui: &mut Ui, history: &mut History, by: &By) {
     if let Some(n) = removed {
         history.surgery.remove(n);
     }
+    for (n, surgery) in history.surgery.iter_mut().enumerate() {
+        ui.push_id(("after surgery", n), |ui| after_surgery(ui, input, surgery, by));
+    }
+}
+
+/// Baseline and targets after a surgery, which are proposed by the criteria until they are stated.
+fn after_surgery(ui: &mut Ui, input: &Input<'_>, surgery: &mut Surgery, by: &By) {
+    let before = surgery.clone();
+    let of = surgery.date.to_string();
+    ui.horizontal_wrapped(|ui| {
+        ui.label(format!("After that of {of}: baseline"))
+            .on_hover_text("Not stated: by the criteria, else the first scan after it");
+        let is_after = |label: &&str| match (surgery.date, leading_date(label)) {
+            (When::Date(day), Some(date)) => date > day,
+            _ => true,
+        };
+        let chosen = surgery.baseline.as_ref().map(|label| label.0.clone());
+        for label in input.case.time_labels().into_iter().filter(is_after) {
+            let response = ui.radio(chosen.as_deref() == Some(label), label);
+            name_widget(ui, &response, &format!("Baseline after surgery of {of}: {label}"));
+            if response.clicked() {
+                surgery.baseline = Some(Label(label.to_owned()));
+            }
+        }
+        if chosen.is_some() && take_back(ui, &format!("Baseline after surgery of {of}")) {
+            surgery.baseline = None;
+        }
+        let label = ui.label("targets").on_hover_text(TARGETS_TIP);
+        let stated = surgery.targets.as_ref().map(|all| all.join(", ")).unwrap_or_default();
+        if let Some(typed) = text(ui, "targets", label.id, &stated, 140.0) {
+            surgery.targets = Some(names_in(&typed)).filter(|all| !all.is_empty());
+        }
+        if surgery.targets.is_none() {
+            ui.weak("all measurable lesions of that baseline");
+        }
+    });
+    if *surgery != before {
+        Stated { author: surgery.author, entered: surgery.entered } = by.stated();
+    }
+}
+
+/// The names in a text, each once.
+fn names_in(typed: &str) -> Vec<String> {
+    let mut all: Vec<String> = Vec::new();
+    for name in typed.split(',').map(str::trim).filter(|name| !name.is_empty()) {
+        if !all.iter().any(|other| other == name) {
+            all.push(name.to_owned());
+        }
+    }
+    all
 }

@@ -50,7 +50,13 @@ const VOLUME: Code = ["118565006", "SCT", "Volume"];
 const LONG_AXIS: Code = ["103339001", "SCT", "Long axis"];
 const PERPENDICULAR_AXIS: Code = ["131189007", "SCT", "Perpendicular Axis"];
 // The standard has no code for it.
-const PRODUCT: Code = ["PERP_PRODUCT", "99GLIOSCOPE", "Product of perpendicular diameters"];
+const PRODUCT: Code = ["PERP_PRODUCT", PRIVATE, "Product of perpendicular diameters"];
+const EVALUATION: Code = ["112020", "DCM", "Response Evaluation"];
+const EVALUATION_METHOD: Code = ["112021", "DCM", "Response Evaluation Method"];
+const RANO: Code = ["C114879", "NCIt", "RANO"];
+const CRITERIA: Code = ["CRITERIA", PRIVATE, "Response criteria and measure"];
+/// The scheme of codes that the standard has none for.
+const PRIVATE: &str = "99GLIOSCOPE";
 const ML: Code = ["ml", "UCUM", "ml"];
 const MM: Code = ["mm", "UCUM", "mm"];
 const MM2: Code = ["mm2", "UCUM", "square millimeter"];
@@ -103,18 +109,59 @@ pub struct MeasurementGroup {
     pub segment: Option<SourceSegment>,
 }
 
+/// What the sum of the targets is of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SumOf {
+    /// Products of diameters, square millimetres.
+    Products,
+    /// Longest diameters, millimetres.
+    Longest,
+    /// Volumes, millilitres.
+    Volumes,
+}
+
+impl SumOf {
+    fn codes(self) -> (Code, Code) {
+        match self {
+            Self::Products => (["SUM_PRODUCTS", PRIVATE, "Sum of products of diameters"], MM2),
+            Self::Longest => (["SUM_LONGEST", PRIVATE, "Sum of longest diameters"], MM),
+            Self::Volumes => (["SUM_VOLUMES", PRIVATE, "Sum of volumes"], ML),
+        }
+    }
+}
+
+/// The response of the whole disease at a date, by one measure.
+#[derive(Clone, Debug)]
+pub struct EvaluationGroup {
+    /// The criteria, and what they measure: `RANO 2.0, by diameters`. Groups of one name are of one disease at several dates.
+    pub criteria: String,
+    /// The date's label; empty: none.
+    pub time: String,
+    /// The date's number from 1; `None` where there is one, or their order isn't known.
+    pub order: Option<usize>,
+    /// The call: a code of at most 16 characters, and its meaning.
+    pub call: [&'static str; 2],
+    /// The sums of the targets, of each compartment; empty where unknown.
+    pub sums: Vec<(SumOf, f64)>,
+}
+
 /// Measurements as a DICOM structured report (Enhanced SR Storage, TID 1500, Explicit VR Little Endian), in English.
 ///
 /// # Errors
 /// [`FileError::Wrong`] for a malformed date, numbers that aren't finite, and without groups.
-pub fn measurement_report(groups: &[MeasurementGroup], to: &ReportTo<'_>) -> Result<Vec<u8>, FileError> {
+pub fn measurement_report(
+    groups: &[MeasurementGroup],
+    evaluations: &[EvaluationGroup],
+    to: &ReportTo<'_>,
+) -> Result<Vec<u8>, FileError> {
     if groups.is_empty() {
         return Err(FileError::wrong(WHAT, "no measurements", "at least one"));
     }
     let numbers = |group: &MeasurementGroup| {
         group.diameters.unwrap_or_default().into_iter().chain([group.volume_ml]).collect::<Vec<_>>()
     };
-    if groups.iter().flat_map(numbers).any(|number| !number.is_finite()) {
+    let sums = evaluations.iter().flat_map(|of| of.sums.iter().map(|(_, sum)| *sum));
+    if groups.iter().flat_map(numbers).chain(sums).any(|number| !number.is_finite()) {
         return Err(FileError::wrong(WHAT, "an infinite number", "finite ones"));
     }
     let mut data = to.elements(SOP_CLASS, "SR", "903", WHAT)?;
@@ -131,7 +178,8 @@ pub fn measurement_report(groups: &[MeasurementGroup], to: &ReportTo<'_>) -> Res
         let library = to.images().iter().map(library_group).collect();
         content.push(container(Some("CONTAINS"), IMAGE_LIBRARY, None, library));
     }
-    let measurements = groups.iter().map(|group| measured(group, to)).collect();
+    let measured = groups.iter().map(|group| measured(group, to));
+    let measurements = measured.chain(evaluations.iter().map(|of| evaluated(of, to))).collect();
     content.push(container(Some("CONTAINS"), MEASUREMENTS, None, measurements));
     data.merge(container(None, TITLE, Some("1500"), content));
     Ok(to.file(data, SOP_CLASS))
@@ -209,12 +257,7 @@ fn measured(group: &MeasurementGroup, to: &ReportTo<'_>) -> Elements {
         uid_of(context, TRACKING_UID, &to.uid(&format!("{kind} {}", group.name))),
         code("CONTAINS", FINDING, finding),
     ];
-    if !group.time.is_empty() {
-        content.push(text(context, TIME_POINT, &group.time));
-        if let Some(order) = group.order {
-            content.push(number(context, TIME_POINT_ORDER, order as f64, NO_UNITS));
-        }
-    }
+    content.extend(time_point(&group.time, group.order));
     let segment = group.segment.as_ref().filter(|_| !to.images().is_empty());
     if let Some(segment) = segment {
         let mut file = segment.file.item();
@@ -231,6 +274,36 @@ fn measured(group: &MeasurementGroup, to: &ReportTo<'_>) -> Elements {
         content.push(number("CONTAINS", PRODUCT, product_mm2, MM2));
     }
     container(Some("CONTAINS"), GROUP, Some(if segment.is_some() { "1411" } else { "1501" }), content)
+}
+
+/// A date and its number.
+fn time_point(time: &str, order: Option<usize>) -> Vec<Elements> {
+    if time.is_empty() {
+        return Vec::new();
+    }
+    let context = "HAS OBS CONTEXT";
+    let order = order.map(|order| number(context, TIME_POINT_ORDER, order as f64, NO_UNITS));
+    std::iter::once(text(context, TIME_POINT, time)).chain(order).collect()
+}
+
+/// TID 1501 of the whole disease: the call as a qualitative evaluation, and the sums that it rests on.
+fn evaluated(of: &EvaluationGroup, to: &ReportTo<'_>) -> Elements {
+    let context = "HAS OBS CONTEXT";
+    let mut content = vec![
+        text(context, TRACKING, &of.criteria),
+        uid_of(context, TRACKING_UID, &to.uid(&format!("response {}", of.criteria))),
+        code("CONTAINS", FINDING, LESION),
+    ];
+    content.extend(time_point(&of.time, of.order));
+    content.extend(of.sums.iter().map(|(sum, value)| {
+        let (name, unit) = sum.codes();
+        number("CONTAINS", name, *value, unit)
+    }));
+    let [value, meaning] = of.call;
+    content.push(code("CONTAINS", EVALUATION_METHOD, RANO));
+    content.push(text("CONTAINS", CRITERIA, &of.criteria));
+    content.push(code("CONTAINS", EVALUATION, [value, PRIVATE, meaning]));
+    container(Some("CONTAINS"), GROUP, Some("1501"), content)
 }
 
 /// A content item without its value.

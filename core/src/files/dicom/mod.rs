@@ -41,7 +41,7 @@ mod write_tests;
 pub(super) use info::info;
 pub use instance::Patient;
 pub use isolated::{DECODER_ARGUMENT, decode_frames_with, serve};
-pub use measurement_report::{Measured, MeasurementGroup, measurement_report};
+pub use measurement_report::{EvaluationGroup, Measured, MeasurementGroup, SumOf, measurement_report};
 pub use modules::{SegmentToWrite, WriteTo, Written};
 pub use open::inspect;
 pub(super) use open::{files_of, read, segments};

@@ -6,7 +6,9 @@ use super::report_write::UNKNOWN_DATE;
 use super::source_image::{IDENTITY, SourceImage, source_image};
 use super::tags::{self, Tag};
 use super::write_tests::{contains, grid_of, image};
-use super::{Measured, MeasurementGroup, ReportTo, Whose, encapsulated_pdf, measurement_report};
+use super::{
+    EvaluationGroup, Measured, MeasurementGroup, ReportTo, SumOf, Whose, encapsulated_pdf, measurement_report,
+};
 use crate::Progress;
 
 const PDF: &[u8] = b"%PDF-1.7 odd";
@@ -66,8 +68,8 @@ fn numbers_are_written_with_their_units() {
         ..group("T1: lesion A", 3.25)
     };
     let groups = [group("T1", 4.5), lesion];
-    let bytes = measurement_report(&groups, &to(Whose::Removed)).unwrap();
-    assert_eq!(bytes, measurement_report(&groups, &to(Whose::Removed)).unwrap(), "the same bytes");
+    let bytes = measurement_report(&groups, &[], &to(Whose::Removed)).unwrap();
+    assert_eq!(bytes, measurement_report(&groups, &[], &to(Whose::Removed)).unwrap(), "the same bytes");
     let mut found = Vec::new();
     numbers(&parse(&bytes, bytes.len() as u64, false).unwrap().data, &mut found);
     let expected = [
@@ -83,14 +85,45 @@ fn numbers_are_written_with_their_units() {
     assert_eq!(found, expected);
     assert_eq!(at(&bytes, tags::CONTENT_DATE).as_deref(), Some("20240615"));
     // A number of more than 16 characters stands there as it is, too.
-    let third = measurement_report(&[group("T1", 1.0 / 3.0)], &to(Whose::Removed)).unwrap();
+    let third = measurement_report(&[group("T1", 1.0 / 3.0)], &[], &to(Whose::Removed)).unwrap();
     let exact = (1.0_f64 / 3.0).to_le_bytes();
     assert!(third.windows(8).any(|part| part == exact) && !bytes.windows(8).any(|part| part == exact));
 }
 
 #[test]
+fn a_response_is_a_group_with_its_call_and_sums() {
+    let evaluation = EvaluationGroup {
+        criteria: "RANO 2.0, by diameters".into(),
+        time: "2024-06-15".into(),
+        order: Some(2),
+        call: ["PD", "Progression"],
+        sums: vec![(SumOf::Products, 263.375), (SumOf::Volumes, 3.25)],
+    };
+    let bytes =
+        measurement_report(&[group("T1", 4.5)], std::slice::from_ref(&evaluation), &to(Whose::Removed))
+            .unwrap();
+    let mut found = Vec::new();
+    let parsed = parse(&bytes, bytes.len() as u64, false).unwrap();
+    numbers(&parsed.data, &mut found);
+    let sums = [("126073", 2.0, "1"), ("SUM_PRODUCTS", 263.375, "mm2"), ("SUM_VOLUMES", 3.25, "ml")];
+    let sums = sums.map(|(code, value, unit)| (code.to_owned(), value, unit.to_owned()));
+    assert_eq!(found[2..], sums);
+    let groups = parsed.data.items(tags::CONTENT_SEQUENCE).last().unwrap().items(tags::CONTENT_SEQUENCE);
+    let codes: Vec<String> = groups[1]
+        .items(tags::CONTENT_SEQUENCE)
+        .iter()
+        .flat_map(|item| item.items(tags::CONCEPT_CODE_SEQUENCE))
+        .filter_map(|code| code.text(tags::CODE_VALUE))
+        .collect();
+    assert_eq!(codes, ["52988006", "C114879", "PD"]);
+    let infinite = EvaluationGroup { sums: vec![(SumOf::Longest, f64::INFINITY)], ..evaluation };
+    let refused = measurement_report(&[group("T1", 4.5)], &[infinite], &to(Whose::Removed));
+    assert!(refused.unwrap_err().to_string().contains("finite"));
+}
+
+#[test]
 fn one_thing_has_one_tracking_uid_and_each_report_its_own_uids() {
-    let of = |groups: &[MeasurementGroup], whose| measurement_report(groups, &to(whose)).unwrap();
+    let of = |groups: &[MeasurementGroup], whose| measurement_report(groups, &[], &to(whose)).unwrap();
     let uids = |bytes: &[u8]| {
         let parsed = parse(bytes, bytes.len() as u64, false).unwrap();
         let root = parsed.data.items(tags::CONTENT_SEQUENCE);
@@ -122,7 +155,7 @@ fn a_report_is_of_the_images_patient_and_study() {
     let other = SourceImage { study: "1.9.88.1".into(), series: "1.9.88.2".into(), ..canary() };
     let both = [images[0].clone(), other];
     let pdf = encapsulated_pdf(PDF, "Title", true, &to(Whose::Images(&images))).unwrap();
-    let sr = measurement_report(&[group("A", 1.0)], &to(Whose::Images(&both))).unwrap();
+    let sr = measurement_report(&[group("A", 1.0)], &[], &to(Whose::Images(&both))).unwrap();
     for bytes in [&pdf, &sr] {
         for tag in IDENTITY {
             assert_eq!(at(bytes, tag), Some(format!("ZZCANARY_{:04X}{:04X}", tag.0, tag.1)));
@@ -146,7 +179,7 @@ fn nobody_is_named_unasked() {
     for (whose, name, removed) in
         [(Whose::Removed, None, "YES"), (Whose::Initials("D. J."), Some("D. J."), "NO")]
     {
-        let sr = measurement_report(&[group("A\u{202e}\u{1b}B", 1.0)], &to(whose)).unwrap();
+        let sr = measurement_report(&[group("A\u{202e}\u{1b}B", 1.0)], &[], &to(whose)).unwrap();
         assert!(contains(&sr, "AB"), "what misleads a reader is left out");
         for bytes in [sr, encapsulated_pdf(PDF, "Title", false, &to(whose)).unwrap()] {
             assert_eq!(at(&bytes, tags::PATIENT_NAME).as_deref(), name);
@@ -180,9 +213,9 @@ fn what_is_no_report_is_refused() {
     for (error, word) in [
         (encapsulated_pdf(b"<html>", "", false, &to), "a PDF"),
         (encapsulated_pdf(PDF, "", false, &dated), "YYYYMMDD"),
-        (measurement_report(&[], &to), "at least one"),
-        (measurement_report(&[group("A", f64::NAN)], &to), "finite"),
-        (measurement_report(&[group("A", 1.0)], &dated), "YYYYMMDD"),
+        (measurement_report(&[], &[], &to), "at least one"),
+        (measurement_report(&[group("A", f64::NAN)], &[], &to), "finite"),
+        (measurement_report(&[group("A", 1.0)], &[], &dated), "YYYYMMDD"),
     ] {
         let error = error.unwrap_err().to_string();
         assert!(error.contains(word), "{error}");

@@ -67,6 +67,9 @@ impl Header {
             patient_name: identity.patient.words(),
             patient_id: identity.patient.id.clone(),
             birth_date: identity.patient.birth_date.clone(),
+            sex: identity.patient.sex.clone(),
+            study_description: identity.study_description.clone(),
+            accession_number: identity.accession_number.clone(),
             frame_of_reference: identity.frame_of_reference.clone(),
         }
     }

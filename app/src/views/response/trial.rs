@@ -1,0 +1,106 @@
+//! What a trial states where no source of the criteria that was read does.
+
+use egui::{CollapsingHeader, Ui};
+use glioscope_core::response::{Criterion, History, Part, TrialNumber, TrialValue};
+use strum::VariantArray;
+
+use super::fields::{number, text};
+
+/// Who a number is from until the reader says where the trial states it.
+const SOURCE: &str = "stated by the reader";
+
+/// The most that a number of a trial can be.
+const MOST: f64 = 10_000.0;
+
+const PARTS: [(Part, &str); 4] = [
+    (Part::Measurable, "measurable lesions"),
+    (Part::NonTarget, "lesions that aren't targets"),
+    (Part::Steroids, "steroids"),
+    (Part::Clinical, "clinical state"),
+];
+
+/// What a number is called, and its unit.
+fn title(number: TrialNumber) -> (&'static str, &'static str) {
+    match number {
+        TrialNumber::MaxTargets => ("Most targets", "lesions"),
+        TrialNumber::ConfirmResponseDays => ("Response is confirmed after", "days"),
+        TrialNumber::ConfirmProgressionDays => ("Progression is confirmed after", "days"),
+        TrialNumber::MinorResponseVolumePercent => ("Minor response: volume less by", "%"),
+        TrialNumber::ProgressionAbsoluteMm => ("Progression: longer by at least", "mm"),
+    }
+}
+
+/// Fields for the numbers that the criteria leave to a trial, and for the parts that it takes from RANO 2010.
+pub(super) fn show(ui: &mut Ui, history: &mut History) {
+    let criterion = history.criterion;
+    let open: Vec<TrialNumber> =
+        TrialNumber::VARIANTS.iter().copied().filter(|number| number.is_open(criterion)).collect();
+    let follows = criterion != Criterion::Rano2010;
+    if open.is_empty() && !follows {
+        return;
+    }
+    CollapsingHeader::new("What the trial states").id_salt("trial").show(ui, |ui| {
+        ui.weak(
+            "Where no source of these criteria that was read states it: the trial's own, and where it stands",
+        );
+        for of in open {
+            row(ui, history, of);
+        }
+        if follows {
+            parts(ui, history);
+        }
+    });
+}
+
+fn row(ui: &mut Ui, history: &mut History, of: TrialNumber) {
+    let trial = &mut history.trial;
+    let stated = of.of(trial).map(|(value, source)| (value, source.to_owned()));
+    let (title, unit) = title(of);
+    ui.horizontal_wrapped(|ui| {
+        let label = ui.label(title);
+        if let Some(typed) =
+            number(ui, ("trial", of.key()), label.id, stated.as_ref().map(|(value, _)| *value))
+        {
+            let source = stated.as_ref().map_or_else(|| SOURCE.to_owned(), |(_, source)| source.clone());
+            let typed = typed.filter(|value| (0.0..=MOST).contains(value));
+            of.set(trial, typed.map(|value| (value, source)));
+        }
+        let unit = ui.label(format!("{unit}, source"));
+        if let Some((value, source)) = stated
+            && let Some(typed) = source_field(ui, of.key(), unit.id, &source)
+        {
+            of.set(trial, Some((value, typed)));
+        }
+    });
+}
+
+fn parts(ui: &mut Ui, history: &mut History) {
+    let stated = history.trial.follow_2010.clone();
+    ui.horizontal_wrapped(|ui| {
+        let label = ui.label("As RANO 2010");
+        let mut chosen = stated.as_ref().map(|stated| stated.value.clone()).unwrap_or_default();
+        for (part, text) in PARTS {
+            let mut follows = chosen.contains(&part);
+            if ui.checkbox(&mut follows, text).changed() {
+                chosen.retain(|other| *other != part);
+                if follows {
+                    chosen.push(part);
+                }
+            }
+        }
+        let source = stated.as_ref().map_or_else(|| SOURCE.to_owned(), |stated| stated.source.clone());
+        let typed = stated.is_some().then(|| {
+            ui.label("source");
+            source_field(ui, "follow_2010", label.id, &source)
+        });
+        let source = typed.flatten().unwrap_or(source);
+        history.trial.follow_2010 = (!chosen.is_empty()).then_some(TrialValue { value: chosen, source });
+    });
+}
+
+/// Where the trial states it: never empty.
+fn source_field(ui: &mut Ui, key: &str, label: egui::Id, source: &str) -> Option<String> {
+    let typed = text(ui, ("source of the trial", key), label, source, 180.0)?;
+    let typed = typed.trim();
+    (!typed.is_empty()).then(|| typed.to_owned())
+}

@@ -1,0 +1,106 @@
+//! The file of a report, in any of its forms.
+
+use std::sync::Arc;
+
+use glioscope_core::{Progress, RegionVolume, case::Case, files::Inputs, response::Evaluated};
+use glioscope_render::Gpu;
+
+use super::{
+    numbers::{Shown, as_file},
+    offscreen_app::OffscreenApp,
+};
+use crate::{
+    command::Workstation,
+    error::AppError,
+    model::Document,
+    report::{self, FileKind, Filing, Form, Options, Recipe, Report, ResponseRecipe},
+    world::{Loaded, World},
+};
+
+/// A report's file.
+pub struct ReportFile {
+    /// Its bytes.
+    pub bytes: Vec<u8>,
+    /// What was assumed, for the user.
+    pub notes: Vec<String>,
+    /// What it was made with, where it has that in it.
+    pub recipe: Option<Recipe>,
+}
+
+/// What a file is asked for with.
+pub struct Asked<'a> {
+    /// Its kind.
+    pub kind: FileKind,
+    /// How much it says.
+    pub options: Options,
+    /// The response that it has, in place of what its document states.
+    pub response: Option<&'a (Evaluated, ResponseRecipe)>,
+    /// What its DICOM objects state.
+    pub filing: &'a dyn Fn() -> Result<Filing, AppError>,
+    /// What draws its pictures.
+    pub gpu: &'a dyn Fn() -> Result<Gpu, AppError>,
+}
+
+/// The file of a case and document that have no more of the identity than it may show ([`report::anonymous`]).
+///
+/// # Errors
+/// As [`report::make`]; where a DICOM object can't be written.
+pub fn file_of(
+    case: &Arc<Case>,
+    doc: &Document,
+    asked: &Asked<'_>,
+    progress: &Progress,
+) -> Result<ReportFile, AppError> {
+    let Asked { kind, options, response, .. } = *asked;
+    let pages = |form: Form| -> Result<(Vec<u8>, Report), AppError> {
+        let report = pages_of(case, doc, (options, form), response, &(asked.gpu)()?, progress)?;
+        Ok((report::write(&report, form, options.language)?, report))
+    };
+    Ok(match kind {
+        FileKind::Pages(form) => {
+            let (bytes, report) = pages(form)?;
+            ReportFile { bytes, notes: Vec::new(), recipe: Some(report.recipe) }
+        }
+        FileKind::EncapsulatedPdf => {
+            let filing = (asked.filing)()?;
+            let (pdf, report) = pages(Form::Pdf)?;
+            let bytes = filing.encapsulated(&pdf, &report.title)?;
+            ReportFile { bytes, notes: filing.notes, recipe: Some(report.recipe) }
+        }
+        FileKind::Structured => {
+            let filing = (asked.filing)()?;
+            let evaluated = response.map(|(evaluated, _)| evaluated);
+            let bytes = report::structured(case, doc, &filing, evaluated, progress)?;
+            ReportFile { bytes, notes: filing.notes, recipe: None }
+        }
+        FileKind::Numbers(format) => {
+            let numbers = Shown {
+                case: case.clone(),
+                inputs: Inputs::default(),
+                doc: doc.clone(),
+                tumor: case
+                    .time_points
+                    .get(doc.nav.time)
+                    .and_then(|time| RegionVolume::of(&time.index, &time.regions).map(Arc::new)),
+                compared: None,
+                response: response.map(|(evaluated, _)| evaluated.clone()),
+            };
+            let numbers = report::without_identity(case, options, numbers.json(progress)?);
+            ReportFile { bytes: as_file(&numbers, format)?, notes: Vec::new(), recipe: None }
+        }
+    })
+}
+
+fn pages_of(
+    case: &Arc<Case>,
+    doc: &Document,
+    options: (Options, Form),
+    response: Option<&(Evaluated, ResponseRecipe)>,
+    gpu: &Gpu,
+    progress: &Progress,
+) -> Result<Report, AppError> {
+    let loaded = Loaded::with_made(case.clone(), Vec::new(), case.clone());
+    let work = Workstation { doc: Some(doc.clone()), world: World::new(loaded), ..Workstation::default() };
+    let mut painter = OffscreenApp::new(work, gpu, false)?;
+    report::make((case, doc), options, response, &mut painter, progress)
+}

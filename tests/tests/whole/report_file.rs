@@ -84,6 +84,12 @@ fn a_report_is_made_again_byte_for_byte_and_what_differs_is_said() {
         assert!(again.status.success(), "{}", String::from_utf8_lossy(&again.stderr));
     }
 
+    let numbers =
+        report(&[&options[..], &["--criteria", "rano-2.0"]].concat(), &folder.path().join("full.json"));
+    let numbers: serde_json::Value = serde_json::from_str(&numbers).unwrap();
+    assert_eq!(numbers["response"]["criterion"], "rano-2.0");
+    assert_eq!(numbers["response"]["case"], numbers["case"]);
+
     // Another follow-up in the same place.
     ball(&case.join("A_2024-03-01.nii.gz"), 9.0);
     let line = refusal(&["replay", "--software", text(&others[0])]);
@@ -128,12 +134,6 @@ fn a_report_names_nobody_unless_asked() {
         }
         assert!(numbers.contains("native_volume_ml") && numbers.contains("hd95_mm"));
     }
-    let numbers = report(&[text(&case), "--identity", "full", "--criteria", "rano-2.0"], &out("full.json"));
-    let numbers: serde_json::Value = serde_json::from_str(&numbers).unwrap();
-    assert_eq!(
-        (&numbers["case"], &numbers["response"]["criterion"]),
-        (&"Doe_Jane_4711".into(), &"rano-2.0".into())
-    );
     let page = report(&[text(&case), "--identity", "full"], &out("full.html"));
     assert!(page.contains("Comparison of tumour segmentations: Doe_Jane_4711"));
     // Without paths the case must be given.
@@ -228,11 +228,8 @@ fn a_report_tells_infinite_from_unknown_distances() {
     ball(&at("empty.nii.gz"), 0.0);
     let [full, empty] = ["full", "empty"].map(|id| format!("{id}={}", text(&at(&format!("{id}.nii.gz")))));
     let page = report(&["--mask", &full, "--mask", &empty], &at("r.md"));
-    // DeepMind's package: no distance to nothing; its mean of averages isn't shown.
-    assert!(
-        page.contains("| full | empty | 0.000 | 0.000 | infinite | infinite | infinite | 0.000 |"),
-        "{page}"
-    );
+    // DeepMind's package: no distance to nothing, and no mean of none.
+    assert!(page.contains("| full | empty | infinite | infinite | infinite | unknown | 0.000 |"), "{page}");
 }
 
 #[test]

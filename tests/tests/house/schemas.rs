@@ -19,7 +19,7 @@ const ROWS: &[Row] = &[
     ("common", "/$defs/checks/items", "core/src/check.rs", &["Check"], &[]),
     ("common", "/$defs/severity", "core/src/check.rs", &["Severity"], &[]),
     ("common", "/$defs/aligned/items", "core/src/case/alignment.rs", &["Aligned"], &[]),
-    ("measure", "", "core/src/measure/mod.rs", &["MeasureReport"], &[]),
+    ("measure", "", "core/src/measure/mod.rs", &["MeasureReport"], &["two"]),
     ("measure", "/$defs/grid", "core/src/measure/mod.rs", &["GridReport"], &[]),
     ("measure", "/$defs/time_point", "core/src/measure/mod.rs", &["TimeReport"], &["raters"]),
     ("measure", "/$defs/mask", "core/src/measure/mod.rs", &["MaskReport"], &[]),

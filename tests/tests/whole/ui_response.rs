@@ -9,7 +9,7 @@ use glioscope::{
     model::{CaseRef, PaneId, layout::Task, session},
     window::recent::Recent,
 };
-use glioscope_core::response::{Call, Fact, Label, NewLesion, NonTarget, TreatmentKind};
+use glioscope_core::response::{Call, Fact, Label, NewLesion, NonTarget, Part, TreatmentKind};
 use glioscope_tests::{
     Window, answer, choose, doc, issue, pane_picture, perform, run, wait_for_workers, window_of_user,
     window_on,
@@ -116,6 +116,54 @@ fn a_reader_states_what_is_asked_and_gets_a_call_with_its_reasons() {
     if let Ok(folder) = std::env::var("GLIOSCOPE_TEST_PICTURES") {
         picture.save(Path::new(&folder).join("response.png")).unwrap();
     }
+}
+
+#[test]
+fn what_a_trial_states_a_surgery_and_a_lesion_measured_by_hand_are_stated_and_saved() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut harness = opened(folder.path());
+    choose(&mut harness, "Criteria", "iRANO");
+    type_into(&mut harness, "stated by", "A. B.");
+    type_into(&mut harness, "Surgery", "2024-01-15");
+    click(&mut harness, "Baseline after surgery of 2024-01-15: 2024-03-01");
+    type_into(&mut harness, "targets", "A, A, B");
+    // The baseline of a scan before it isn't offered.
+    assert!(harness.query_by_label("Baseline after surgery of 2024-01-15: 2024-01-01").is_none());
+    click(&mut harness, "What the trial states");
+    type_into(&mut harness, "Progression is confirmed after", "90");
+    click(&mut harness, "steroids");
+    click(&mut harness, "Measured by hand");
+    type_into(&mut harness, "Lesion", "B");
+    type_into(&mut harness, "longest, mm", "12,5");
+    type_into(&mut harness, "perpendicular, mm", "20");
+    click(&mut harness, "Add a measurement");
+    assert!(
+        harness.query_all_by_label_contains("expected at most longest_mm = 12.5").count() == 1,
+        "what is refused is said, and stays"
+    );
+    let history = |harness: &Window| doc(harness).edit.response.history.clone().unwrap();
+    assert!(history(&harness).measurement.is_empty());
+    type_into(&mut harness, "perpendicular, mm", "10");
+    click(&mut harness, "Add a measurement");
+    if let Ok(folder) = std::env::var("GLIOSCOPE_TEST_PICTURES") {
+        let picture = pane_picture(&mut harness, PaneId::Response);
+        picture.save(Path::new(&folder).join("response-forms.png")).unwrap();
+    }
+    let stated = history(&harness);
+    let one = &stated.measurement[0];
+    assert_eq!((one.lesion.as_str(), one.date.0.as_str(), one.longest_mm), ("B", "2024-06-01", Some(12.5)));
+    assert_eq!(stated.trial.confirm_progression_days.as_ref().unwrap().value, 90);
+    assert_eq!(stated.trial.follow_2010.as_ref().unwrap().value, [Part::Steroids]);
+    let surgery = &stated.surgery[0];
+    assert_eq!(surgery.targets.as_deref().unwrap(), ["A", "B"]);
+    assert_eq!(surgery.baseline.as_ref().unwrap().0, "2024-03-01");
+    assert_eq!(surgery.author.as_deref(), Some("A. B."));
+    stated.check().unwrap();
+    let path = folder.path().join("read.glioscope.json");
+    perform(&mut harness, AppCommand::SaveSessionTo(path.clone()));
+    assert_eq!(session::load(&path).unwrap().document.edit.response, doc(&harness).edit.response);
+    click(&mut harness, "Take away B at 2024-06-01");
+    assert!(history(&harness).measurement.is_empty());
 }
 
 fn click(harness: &mut Window, label: &str) {

@@ -12,7 +12,7 @@ use crate::report::{
     document::{Block, Finding, Picture, Report, Table},
     identity::Identity,
     plot::{Anchor, Plot, Series, Shape},
-    recipe::Recipe,
+    recipe::{Recipe, recipe_in},
     sentences,
 };
 use crate::words::{Language, Words};
@@ -135,7 +135,9 @@ fn the_same_report_is_the_same_file() {
     let [a, b] = [pdf(&one, &words()).unwrap(), pdf(&one, &words()).unwrap()];
     assert!(a == b, "{} and {} bytes", a.len(), b.len());
     let has = |text: &str| a.windows(text.len()).any(|part| part == text.as_bytes());
-    assert!(has("<pdfaid:part>2") && has("<pdfaid:conformance>A") && has("<pdfuaid:part>1"), "the standards");
+    assert!(has("<pdfaid:part>3") && has("<pdfaid:conformance>A") && has("<pdfuaid:part>1"), "the standards");
+    let recipe = serde_json::to_value(&one.recipe).unwrap();
+    assert_eq!(recipe_in(&a).unwrap(), Some(recipe), "what it was made with is found again");
     assert!(has("D:20000101") && !has("D:202"), "no date but the fixed one");
 }
 

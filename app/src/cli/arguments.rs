@@ -160,7 +160,7 @@ pub struct ReportArguments {
     /// The file (.html, .pdf, .md; its numbers: .json, .csv; as DICOM: .dcm holds the PDF, .sr.dcm measurements and response) or the folder.
     #[arg(long, value_name = "FILE|FOLDER")]
     pub out: PathBuf,
-    /// How much of the patient's identity a file has; without it none. A folder's files are for other programs and name the case.
+    /// How much of the patient's identity it has. Default: a file none; a folder, whose files are for other programs, all.
     #[arg(long, value_enum)]
     pub identity: Option<Identity>,
     /// Name the reader of a session in a report that doesn't identify the patient in full.

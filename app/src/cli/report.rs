@@ -31,7 +31,6 @@ pub(super) fn run(arguments: &ReportArguments) -> Result<(), AppError> {
         arguments;
     let Some(kind) = FileKind::of(out) else {
         let options = [
-            ("identity", identity.is_some()),
             ("language", language.is_some()),
             ("criteria", response.criteria.is_some()),
             ("history", response.history.is_some()),
@@ -44,7 +43,7 @@ pub(super) fn run(arguments: &ReportArguments) -> Result<(), AppError> {
             let expected = format!("{}, or a folder", FileKind::ENDINGS);
             return Err(AppError::file(out, "a file of another kind", expected));
         }
-        return report_folder::run(case, out, *force, *software);
+        return report_folder::run(case, out, *identity, *force, *software);
     };
     let options = Options {
         identity: identity.unwrap_or_default(),
@@ -158,7 +157,7 @@ pub(super) fn file(read: ReadCase, how: &How, asked: Option<Asked>) -> Result<Re
 }
 
 /// A case and its document as its report may show them.
-fn shown(read: ReadCase, options: Options) -> Result<Anonymous, AppError> {
+pub(super) fn shown(read: ReadCase, options: Options) -> Result<Anonymous, AppError> {
     let work = Workstation::with_opened(read.into());
     let (Some(case), Some(doc)) = (work.world.case(), work.doc) else {
         return Err(AppError::arguments("no case", "a path, --mask and --context, or --sample"));

@@ -9,15 +9,15 @@ use glioscope_core::{
 
 use strum::VariantArray;
 
-use super::{case::CaseArguments, offscreen::gpu, terminal};
+use super::{case::CaseArguments, offscreen::gpu, report::shown, terminal};
 use crate::{
-    command::Workstation,
     error::AppError,
     model::{ExportFormat, PaneId},
     output,
+    report::{self, Anonymous, Identity, Options},
     window::{
-        numbers::{Shown, as_file},
-        offscreen_app::OffscreenApp,
+        numbers::{Shown, as_file, as_value},
+        report_file::{painter, tumor_at},
     },
     world::load::ReadCase,
 };
@@ -30,25 +30,30 @@ const NUMBERS: &str = "measure.json";
 /// Maximum size of the numbers of a report that is replaced.
 const MAX_BYTES: u64 = 1 << 30;
 
+/// `identity`: how much the files say of the patient; the names in the case where it isn't given.
 pub(super) fn run(
     arguments: &CaseArguments,
     out: &Path,
+    identity: Option<Identity>,
     force: bool,
     software: bool,
 ) -> Result<(), AppError> {
     let read = arguments.read(true)?;
-    let case = &read.case;
-    let inputs = case.inputs.clone();
+    let options = Options { identity: identity.unwrap_or(Identity::Full), ..Options::default() };
+    let is_named = options.identity == Identity::Full;
+    let inputs = read.case.inputs.clone();
     names().try_for_each(|name| inputs.refuse_as_output(&out.join(name)))?;
-    let replaced = earlier_report(out, &case.name)?;
-    // Cases of --mask all go by one name: that doesn't tell patients apart.
-    if arguments.path.is_none() && !arguments.parts.sample && !force && !replaced.is_empty() {
+    let removed = report::words(options.language).get("removed");
+    let replaced = earlier_report(out, if is_named { &read.case.name } else { &removed })?;
+    // Cases of --mask all go by one name, and those that aren't named: that doesn't tell patients apart.
+    let is_told = is_named && (arguments.path.is_some() || arguments.parts.sample);
+    if !is_told && !force && !replaced.is_empty() {
         return Err(AppError::file(out, "a report, maybe of another case", "another folder, or --force"));
     }
     let _made = NewFolder::make(out)?;
     // Everything is written here first: a report is put in place whole, and never beside pictures of another one.
     let new = temporary_folder(out)?;
-    let names = write(read, new.path(), software)?;
+    let names = write(read, new.path(), options, software)?;
     let outdated: Vec<String> = replaced.into_iter().filter(|name| !names.contains(name)).collect();
     replace_files(&new, out, &names, &outdated)?;
     terminal::print(&format!("pictures and numbers written to {}", out.display()))
@@ -113,33 +118,40 @@ fn earlier_report(out: &Path, case: &str) -> Result<Vec<String>, AppError> {
 }
 
 /// Writes the report into an empty folder and returns the names of its files.
-fn write(read: ReadCase, folder: &Path, software: bool) -> Result<Vec<String>, AppError> {
+fn write(read: ReadCase, folder: &Path, options: Options, software: bool) -> Result<Vec<String>, AppError> {
     let inputs = read.case.inputs.clone();
-    output::write_json(&folder.join(NUMBERS), &inputs, &measure::report(&read.case))?;
-    let mut names = vec![NUMBERS.to_owned()];
-    let time_point_count = read.case.time_points.len();
-    let work = Workstation::with_opened(read.into());
-    if let (Some(case), Some(doc)) = (work.world.case().cloned(), work.doc.clone()) {
-        let tumor = work.world.tumor(&doc).cloned();
-        let shown = Shown { case, inputs: inputs.clone(), doc, tumor, compared: None, response: None };
-        let numbers = terminal::with_progress(|progress| shown.json(progress))?;
-        for format in ExportFormat::VARIANTS {
-            let name = all_numbers(*format);
-            output::write(&folder.join(&name), &inputs, &as_file(&numbers, *format)?)?;
-            names.push(name);
-        }
+    let Anonymous { case, doc, .. } = shown(read, options)?;
+    let mut names = Vec::new();
+    let mut write = |name: String, bytes: &[u8]| {
+        output::write(&folder.join(&name), &inputs, bytes)?;
+        names.push(name);
+        Ok::<_, AppError>(())
+    };
+    let numbers = report::without_identity(&case, options, as_value(&measure::report(&case))?);
+    write(NUMBERS.to_owned(), &output::json(&numbers)?)?;
+    let tumor = tumor_at(&case, doc.nav.time);
+    let all = Shown {
+        case: case.clone(),
+        inputs: inputs.clone(),
+        doc: doc.clone(),
+        tumor,
+        compared: None,
+        response: None,
+    };
+    let numbers = terminal::with_progress(|progress| all.json(progress))?;
+    let numbers = report::without_identity(&case, options, numbers);
+    for format in ExportFormat::VARIANTS {
+        write(all_numbers(*format), &as_file(&numbers, *format)?)?;
     }
-    let mut app = OffscreenApp::new(work, &gpu(software)?, false)?;
+    let mut app = painter(&case, &doc, &gpu(software)?)?;
     // A single time point has nothing to compare with.
     let panes = PaneId::all()
         .map(|pane| (pane, pane.row()))
-        .filter(|(_, row)| time_point_count > 1 || !row.needs_dates);
+        .filter(|(_, row)| case.time_points.len() > 1 || !row.needs_dates);
     let pictures = panes.filter_map(|(pane, row)| Some((row.cli?, Some(pane), row.report_px?)));
     for (name, pane, size) in std::iter::once(("window", None, WINDOW_PX)).chain(pictures) {
         let rgba = app.capture(pane, size, 1.0)?;
-        let name = format!("{name}.png");
-        output::write_png(&folder.join(&name), &inputs, size, &rgba)?;
-        names.push(name);
+        write(format!("{name}.png"), &output::png(name, size, &rgba)?)?;
     }
     terminal::notes(&app.comparison_warnings());
     Ok(names)

@@ -174,7 +174,11 @@ impl Shown {
     }
 }
 
-fn as_value(numbers: &impl serde::Serialize) -> Result<Value, AppError> {
+/// Numbers as JSON.
+///
+/// # Errors
+/// [`AppError`] where JSON can't hold them.
+pub fn as_value(numbers: &impl serde::Serialize) -> Result<Value, AppError> {
     serde_json::to_value(numbers)
         .map_err(|e| AppError::wrong("the measurements", format!("what JSON can't hold ({e})"), "numbers"))
 }

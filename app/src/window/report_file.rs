@@ -78,10 +78,7 @@ pub fn file_of(
                 case: case.clone(),
                 inputs: Inputs::default(),
                 doc: doc.clone(),
-                tumor: case
-                    .time_points
-                    .get(doc.nav.time)
-                    .and_then(|time| RegionVolume::of(&time.index, &time.regions).map(Arc::new)),
+                tumor: tumor_at(case, doc.nav.time),
                 compared: None,
                 response: response.map(|(evaluated, _)| evaluated.clone()),
             };
@@ -89,6 +86,22 @@ pub fn file_of(
             ReportFile { bytes: as_file(&numbers, format)?, notes: Vec::new(), recipe: None }
         }
     })
+}
+
+/// The regions of a date; `None` where no mask is active.
+pub fn tumor_at(case: &Case, time: usize) -> Option<Arc<RegionVolume>> {
+    let time = case.time_points.get(time)?;
+    RegionVolume::of(&time.index, &time.regions).map(Arc::new)
+}
+
+/// What draws the panes of a case as its document shows them.
+///
+/// # Errors
+/// [`AppError`] where the adapter can't.
+pub fn painter(case: &Arc<Case>, doc: &Document, gpu: &Gpu) -> Result<OffscreenApp, AppError> {
+    let loaded = Loaded::with_made(case.clone(), Vec::new(), case.clone());
+    let work = Workstation { doc: Some(doc.clone()), world: World::new(loaded), ..Workstation::default() };
+    OffscreenApp::new(work, gpu, false)
 }
 
 fn pages_of(
@@ -99,8 +112,5 @@ fn pages_of(
     gpu: &Gpu,
     progress: &Progress,
 ) -> Result<Report, AppError> {
-    let loaded = Loaded::with_made(case.clone(), Vec::new(), case.clone());
-    let work = Workstation { doc: Some(doc.clone()), world: World::new(loaded), ..Workstation::default() };
-    let mut painter = OffscreenApp::new(work, gpu, false)?;
-    report::make((case, doc), options, response, &mut painter, progress)
+    report::make((case, doc), options, response, &mut painter(case, doc, gpu)?, progress)
 }

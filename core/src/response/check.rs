@@ -216,7 +216,11 @@ fn stated_by(author: Option<&str>, entered: Option<&str>) -> Result<(), HistoryE
 fn in_range(place: &str, key: &str, value: Option<f64>, least: f64, most: f64) -> Result<(), HistoryError> {
     match value {
         Some(value) if !(least..=most).contains(&value) => {
-            Err(wrong(place, format!("{key} = {value}"), format!("a number from {least} to {most}")))
+            let expected = match least {
+                f64::MIN_POSITIVE => format!("a number above 0, at most {most}"),
+                _ => format!("a number from {least} to {most}"),
+            };
+            Err(wrong(place, format!("{key} = {value}"), expected))
         }
         _ => Ok(()),
     }

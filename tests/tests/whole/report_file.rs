@@ -134,6 +134,18 @@ fn a_report_names_nobody_unless_asked() {
         }
         assert!(numbers.contains("native_volume_ml") && numbers.contains("hd95_mm"));
     }
+    let all = out("all");
+    let into_folder = ["report", "--software", text(&case), "--identity", "none", "--out", text(&all)];
+    assert!(run(PROGRAM, &into_folder).status.success());
+    for name in ["measure.json", "numbers.json", "numbers.csv"] {
+        let numbers = std::fs::read_to_string(all.join(name)).unwrap();
+        assert!(numbers.contains("native_volume_ml"), "{name}");
+        for canary in ["Doe", "Jane", "4711", text(folder.path())] {
+            assert!(!numbers.contains(canary), "{name}: {canary}");
+        }
+    }
+    // Which patient's it is can't be told.
+    assert!(refusal(&into_folder).contains("maybe of another case"));
     let page = report(&[text(&case), "--identity", "full"], &out("full.html"));
     assert!(page.contains("Comparison of tumour segmentations: Doe_Jane_4711"));
     // Without paths the case must be given.
@@ -252,8 +264,8 @@ fn a_report_never_replaces_a_file_unasked_nor_an_input() {
         assert!(line.contains(expected), "{line}");
     }
     let line =
-        refusal(&["report", "--mask", &mask, "--identity", "full", "--out", text(&folder.path().join("f"))]);
-    assert!(line.contains("--identity: found \"a folder\""), "{line}");
+        refusal(&["report", "--mask", &mask, "--language", "de", "--out", text(&folder.path().join("f"))]);
+    assert!(line.contains("--language: found \"a folder\""), "{line}");
 }
 
 #[test]

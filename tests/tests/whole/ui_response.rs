@@ -143,6 +143,9 @@ fn what_a_trial_states_a_surgery_and_a_lesion_measured_by_hand_are_stated_and_sa
     );
     let history = |harness: &Window| doc(harness).edit.response.history.clone().unwrap();
     assert!(history(&harness).measurement.is_empty());
+    harness.get_by_role_and_label(egui::accesskit::Role::TextInput, "perpendicular, mm").focus();
+    harness.run_ok();
+    harness.key_press_modifiers(egui::Modifiers::COMMAND, Key::A);
     type_into(&mut harness, "perpendicular, mm", "10");
     click(&mut harness, "Add a measurement");
     if let Ok(folder) = std::env::var("GLIOSCOPE_TEST_PICTURES") {

@@ -190,7 +190,8 @@ impl ResponsePane {
                     self.asked_by = Some(by_what);
                     self.selected = Selected::default();
                 }
-                let missing = evaluated.as_deref().map(missing).unwrap_or_default();
+                // Where nothing could be evaluated, what was asked for is still open.
+                let missing = evaluated.as_deref().map_or_else(|| self.asked.clone(), missing);
                 self.asked.extend(missing.iter().cloned());
                 let (new_in_masks, only_measurable) = lesions.as_deref().map(of_masks).unwrap_or_default();
                 let asked = &self.asked;

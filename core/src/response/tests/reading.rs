@@ -158,7 +158,7 @@ fn each_error_is_one_line_with_what_was_found_and_expected() {
         (replaced("slices = 3", "slices = 0"), "found slices = 0, expected at least 1"),
         (
             replaced("longest_mm = 20.0", "longest_mm = -20.0"),
-            "found longest_mm = -20, expected a number from ",
+            "found longest_mm = -20, expected a number above 0, at most 1000",
         ),
         (
             replaced("gone = true", "gone = true\nvolume_ml = 1"),

@@ -143,6 +143,12 @@ fn letters(place: usize) -> String {
 }
 
 impl Workstation {
+    /// Says that something the user asked for was done, in place of an error about what was asked for before; that work isn't kept safe stays.
+    pub fn succeeded(&mut self, notice: Notice) {
+        self.error.take_if(|error| !matches!(error, AppError::Unkept(_)));
+        self.notice = Some(notice);
+    }
+
     /// A workstation with an open case.
     pub fn with_case(case: CaseRef, loaded: Loaded) -> Self {
         let mut work = Self::default();

@@ -208,26 +208,6 @@ impl Filing {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_file_is_what_its_ending_says() {
-        for (name, kind) in [
-            ("a.html", Some(FileKind::Pages(Form::Html))),
-            ("a.PDF", Some(FileKind::Pages(Form::Pdf))),
-            ("a.dcm", Some(FileKind::EncapsulatedPdf)),
-            ("a.sr.DCM", Some(FileKind::Structured)),
-            ("sr.dcm", Some(FileKind::EncapsulatedPdf)),
-            (".dcm", None),
-            ("dcm", None),
-        ] {
-            assert_eq!(FileKind::of(Path::new(name)), kind, "{name}");
-        }
-    }
-}
-
 /// The calls of every scan, by diameters and by volume; `order`: a scan's number by its label.
 fn evaluations(response: &Response, order: &dyn Fn(&str) -> Option<usize>) -> Vec<EvaluationGroup> {
     let criterion = response.criterion.name();
@@ -268,5 +248,25 @@ fn code_of(call: Call) -> [&'static str; 2] {
         Call::PreliminaryProgression => ["PD_PRELIMINARY", "Progressive disease, preliminary"],
         Call::Observe => ["OBSERVE", "Neither stable nor progressive disease: observe"],
         Call::CannotSay => ["CANNOT_SAY", "Cannot be said"],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_what_its_ending_says() {
+        for (name, kind) in [
+            ("a.html", Some(FileKind::Pages(Form::Html))),
+            ("a.PDF", Some(FileKind::Pages(Form::Pdf))),
+            ("a.dcm", Some(FileKind::EncapsulatedPdf)),
+            ("a.sr.DCM", Some(FileKind::Structured)),
+            ("sr.dcm", Some(FileKind::EncapsulatedPdf)),
+            (".dcm", None),
+            ("dcm", None),
+        ] {
+            assert_eq!(FileKind::of(Path::new(name)), kind, "{name}");
+        }
     }
 }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use egui::{
-    Align2, Color32, FontId, Galley, Painter, Pos2, Rect, Ui, pos2,
+    Align2, Color32, FontId, Galley, Painter, Pos2, Rect, Response, Ui, pos2,
     text::{LayoutJob, TextWrapping},
     vec2,
 };
@@ -12,7 +12,7 @@ use glioscope_render::ColorMap;
 use crate::theme::{self, LABEL_POINTS, ON_IMAGE, PLATE, TEXT_POINTS, Tokens};
 
 /// Gives a widget the name by which it is read out.
-pub fn name_widget(ui: &Ui, response: &egui::Response, name: &str) {
+pub fn name_widget(ui: &Ui, response: &Response, name: &str) {
     ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(name));
 }
 
@@ -81,4 +81,12 @@ pub fn elided(ui: &Ui, text: &str, font: &FontId, color: Color32, width: f32) ->
 /// Adds a margin around text and tables.
 pub fn padded(ui: &mut Ui, show: impl FnOnce(&mut Ui)) {
     egui::Frame::new().inner_margin(6).show(ui, show);
+}
+
+/// The title of an input, in the colour of warnings where its answer is missing.
+pub fn asked(ui: &mut Ui, title: &str, is_missing: bool) -> Response {
+    if !is_missing {
+        return ui.label(title);
+    }
+    ui.colored_label(ui.visuals().warn_fg_color, title).on_hover_text("Its answer can change a call")
 }

@@ -622,7 +622,7 @@ impl GlioscopeApp {
             match written {
                 Ok(path) => {
                     let text = format!("Picture written to {}", path.display());
-                    self.work.notice = Some(Notice::wrote(text, &path));
+                    self.work.succeeded(Notice::wrote(text, &path));
                 }
                 Err(error) => self.work.error = Some(error),
             }
@@ -634,7 +634,7 @@ impl GlioscopeApp {
         if let Some(written) = self.export.as_ref().and_then(Job::poll) {
             self.export = None;
             match written {
-                Ok(notice) => self.work.notice = Some(notice),
+                Ok(notice) => self.work.succeeded(notice),
                 Err(error) => self.work.error = Some(error),
             }
         }

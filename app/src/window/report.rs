@@ -28,7 +28,7 @@ use crate::{
     },
     output,
     report::{self, FileKind, Filing, Identity},
-    views::draw,
+    views::{draw, response::missing_answers},
     words::{Language, Words},
     world::{World, load},
 };
@@ -97,6 +97,14 @@ pub fn show(
             pictures(ui, case, doc, out);
         }
         ui.add_space(6.0);
+        let open = evaluated.map_or(0, |evaluated| missing_answers(&evaluated.response.dates));
+        if open > 0 {
+            let text = match open {
+                1 => "1 answer is missing in the response: it can change the call".to_owned(),
+                several => format!("{several} answers are missing in the response: they can change the call"),
+            };
+            ui.colored_label(ui.visuals().warn_fg_color, text);
+        }
         let mut reply = Reply::None;
         ui.horizontal(|ui| {
             if ui.add(Button::new("Choose the file…")).clicked() {
@@ -151,9 +159,6 @@ fn reading(
             };
             new.conclusion = new.conclusion.chars().take(MOST_CONCLUSION).collect();
             new.taken.clone_from(&calls);
-            if new.reader.is_empty() {
-                new.reader.clone_from(&doc.edit.response.author);
-            }
         }
         if is_old {
             ui.colored_label(ui.visuals().warn_fg_color, "The calls have changed since they were taken over");
@@ -163,6 +168,12 @@ fn reading(
         let label = ui.label("Read by");
         let field = egui::TextEdit::singleline(&mut new.reader).desired_width(200.0).char_limit(MOST_READER);
         ui.add(field).labelled_by(label.id);
+        // A signature is the reader's own deed, also where the program knows who stated the facts.
+        let author = &doc.edit.response.author;
+        if !author.is_empty() && new.reader.trim().is_empty() && ui.button(format!("I am {author}")).clicked()
+        {
+            new.reader.clone_from(author);
+        }
         let is_full = options.identity == Identity::Full;
         let mut is_named = is_full || options.names_reader;
         let tick = ui.add_enabled(!is_full, egui::Checkbox::new(&mut is_named, "printed, with the day"));

@@ -27,7 +27,6 @@ pub(super) use timeline::go_to;
 pub struct LesionsPane {
     /// The case that the rest is of: another one's dates may have the same labels.
     of: Option<CaseRef>,
-    selected: Selected,
     /// Whether small lesions are shown too.
     small: bool,
     /// The name being typed, and the lesion's component.
@@ -44,14 +43,19 @@ impl Pane for LesionsPane {
     }
 }
 
-/// Where another pane leaves what is to be selected here, and in which case.
-fn asked_id() -> egui::Id {
+fn selected_id() -> egui::Id {
     egui::Id::unique("selected of lesions")
 }
 
-/// Selects in the pane of lesions what another pane went to.
+/// What is selected among the lesions of the case: one for all panes that show them.
+pub(super) fn selected(ui: &Ui, input: &Input<'_>) -> Selected {
+    let stored = ui.data(|data| data.get_temp::<(CaseRef, Selected)>(selected_id()));
+    stored.filter(|(of, _)| *of == input.doc.case).map(|(_, selected)| selected).unwrap_or_default()
+}
+
+/// Selects among the lesions of the case.
 pub(super) fn select(ui: &Ui, input: &Input<'_>, selected: &Selected) {
-    ui.data_mut(|data| data.insert_temp(asked_id(), (input.doc.case.clone(), selected.clone())));
+    ui.data_mut(|data| data.insert_temp(selected_id(), (input.doc.case.clone(), selected.clone())));
 }
 
 impl LesionsPane {
@@ -83,33 +87,29 @@ impl LesionsPane {
             None => return,
         };
         warnings(ui, &report);
-        if let Some((of, asked)) = ui.data(|data| data.get_temp::<(CaseRef, Selected)>(asked_id())) {
-            ui.data_mut(|data| data.remove::<(CaseRef, Selected)>(asked_id()));
-            if of == input.doc.case {
-                self.selected = asked;
-            }
-        }
-        self.selected.keep_in(&report);
+        let mut selected = selected(ui, &input);
+        selected.keep_in(&report);
         let all = report.lesions.iter().filter(|lesion| self.small || !lesion.small);
         let shown: Vec<_> = all.take(timeline::MOST_LESIONS).collect();
-        timeline::show(ui, &input, &report, &shown, &mut self.selected, out);
-        self.split(stage, out);
+        timeline::show(ui, &input, &report, &shown, &mut selected, out);
+        self.split(stage, &selected, out);
         let chosen = actions::Chosen {
-            selected: &mut self.selected,
+            selected: &mut selected,
             naming: &mut self.naming,
             splitting: &mut self.splitting,
         };
         actions::show(ui, &input, &report, chosen, out);
+        select(ui, &input, &selected);
         ui.add_space(6.0);
         numbers::show(ui, &report, &shown);
     }
 
     /// Splits the component that is to be, once its neck is known.
-    fn split(&mut self, stage: &mut Stage<'_>, out: &mut Commands) {
+    fn split(&mut self, stage: &mut Stage<'_>, selected: &Selected, out: &mut Commands) {
         let Some(splitting) = self.splitting.as_mut().filter(|splitting| splitting.why_not.is_none()) else {
             return;
         };
-        if self.selected != Selected::One(splitting.at.clone()) {
+        if *selected != Selected::One(splitting.at.clone()) {
             self.splitting = None;
             return;
         }

@@ -18,15 +18,38 @@ const ROW: f32 = 22.0;
 pub(super) fn head(ui: &mut Ui, evaluated: Option<&Evaluated>, status: &Status) {
     let warn = ui.visuals().warn_fg_color;
     let warnings = evaluated.map_or(0, |evaluated| evaluated.warnings.len());
+    let open = evaluated.map_or(0, |evaluated| missing(&evaluated.response.dates));
     let (text, color) = match (status, warnings) {
         (Status::Error(text), _) => (text.clone(), ui.visuals().error_fg_color),
         (Status::Warning(text), _) => (text.clone(), warn),
+        // Why it can't be said.
+        (Status::Nothing, _) if open == 1 => ("1 answer is missing, below".to_owned(), warn),
+        (Status::Nothing, _) if open > 1 => (format!("{open} answers are missing, below"), warn),
         (_, 1) => ("1 warning, below the questions".to_owned(), warn),
         (_, n @ 2..) => (format!("{n} warnings, below the questions"), warn),
         (Status::Working(text), _) => (text.clone(), ui.visuals().weak_text_color()),
         (Status::Nothing, _) => (" ".to_owned(), warn),
     };
     ui.colored_label(color, text);
+}
+
+/// How many answers the calls of the last date lack.
+pub fn missing(dates: &[DateResponse]) -> usize {
+    let Some(last) = dates.last() else { return 0 };
+    let mut distinct = Vec::new();
+    for one in [&last.by_diameters, &last.by_volume].into_iter().flat_map(Judgement::to_state) {
+        if !distinct.contains(&one) {
+            distinct.push(one);
+        }
+    }
+    distinct.len()
+}
+
+/// Why a call is what it is, in a tip.
+fn reasons_of(judgement: &Judgement) -> String {
+    let reasons = judgement.reasons.iter().map(|reason| reason.words.clone());
+    let missing = judgement.to_state().map(|missing| format!("missing: {}", missing.words));
+    reasons.chain(missing).collect::<Vec<_>>().join("\n")
 }
 
 /// The calls of the last date in one line, each with the change that it rests on and that change's margin.
@@ -38,7 +61,7 @@ pub(super) fn overall(ui: &mut Ui, dates: &[DateResponse]) {
         for (judgement, by) in [(&last.by_diameters, "by diameters"), (&last.by_volume, "by volume")] {
             // That a call is by images alone stands in the table below.
             let call = RichText::new(judgement.call.short()).color(color(judgement.call, &tokens)).heading();
-            ui.label(call);
+            ui.label(call).on_hover_text(reasons_of(judgement));
             ui.label(by);
             if let Some(sum) = judgement.sums.first()
                 && let Some((text, tip)) = change_with_margin(judgement.call, sum)
@@ -157,7 +180,7 @@ fn rows(ui: &mut Ui, dates: &[DateResponse], shown: &mut Option<String>) {
                         row.col(|ui| {
                             let text =
                                 RichText::new(call_text(judgement)).color(color(judgement.call, &tokens));
-                            ui.label(text.strong());
+                            ui.label(text.strong()).on_hover_text(reasons_of(judgement));
                         });
                     }
                     let sum = date.by_diameters.sums.first();

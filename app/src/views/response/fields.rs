@@ -9,6 +9,9 @@ use jiff::{Timestamp, civil::Date};
 
 use crate::views::draw::name_widget;
 
+/// What stands in place of an input that was asked for, and no longer needs an answer.
+pub(super) const NO_MORE: &str = "changes no call any more";
+
 /// Who states a fact, and when.
 pub(super) struct By {
     author: Option<String>,

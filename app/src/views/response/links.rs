@@ -5,20 +5,12 @@ use glioscope_core::lesions::LesionsReport;
 
 use crate::{
     command::{Commands, EditCommand},
-    views::{
-        lesions::{self, Selected},
-        pane::Input,
-    },
+    views::{lesions, pane::Input},
 };
 
 /// A line about the links, which is always there; without any link nothing stands in it.
-pub(super) fn show(
-    ui: &mut Ui,
-    input: &Input<'_>,
-    report: &LesionsReport,
-    selected: &mut Selected,
-    out: &mut Commands,
-) {
+pub(super) fn show(ui: &mut Ui, input: &Input<'_>, report: &LesionsReport, out: &mut Commands) {
+    let mut selected = lesions::selected(ui, input);
     selected.keep_in(report);
     let proposed = report.proposed().count();
     ui.horizontal_wrapped(|ui| {
@@ -37,10 +29,10 @@ pub(super) fn show(
         let link = ui.add(Link::new(RichText::new(text).color(ui.visuals().warn_fg_color)));
         let tip = "Goes to the next one in all views (N): are both one lesion?";
         if link.on_hover_text(tip).clicked() || lesions::is_pressed(ui, lesions::NEXT) {
-            lesions::next(input, report, selected, out);
-            lesions::select(ui, input, selected);
+            lesions::next(input, report, &mut selected, out);
+            lesions::select(ui, input, &selected);
         }
-        let edit = lesions::verify(report, selected);
+        let edit = lesions::verify(report, &selected);
         let button = ui.add_enabled(edit.is_some(), egui::Button::new("Verify it").small());
         let button = button.on_hover_text("Both are one lesion (V)");
         let button = button.on_disabled_hover_text("Go to the link first (N)");

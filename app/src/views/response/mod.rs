@@ -23,7 +23,6 @@ use strum::VariantArray;
 
 use super::{
     draw,
-    lesions::Selected,
     pane::{Input, Pane, Stage},
 };
 use crate::{
@@ -32,6 +31,7 @@ use crate::{
     model::{PaneId, ResponseSetting, layout::Task, response::MOST_AUTHOR},
     world::jobs::{Handle, Lookup, progress_text},
 };
+pub use calls::missing as missing_answers;
 use fields::By;
 
 /// The pane of the response.
@@ -44,8 +44,6 @@ pub struct ResponsePane {
     /// What was asked for, and by which criteria at which dates: it keeps its place until those change.
     asked: HashSet<AskedFor>,
     asked_by: Option<(Criterion, Handle<Case>)>,
-    /// The link that was gone to, which *Verify* is about.
-    selected: Selected,
 }
 
 /// An input of a scan by its label, or of the patient.
@@ -67,6 +65,11 @@ impl Wanted<'_> {
     /// Whether a fact of the patient is asked for, or was.
     fn of_patient(&self, input: Asked) -> bool {
         self.all || self.asked.contains(&(None, input))
+    }
+
+    /// Whether a fact of the patient can change a call now.
+    fn counts(&self, input: Asked) -> bool {
+        self.all || self.missing.contains(&(None, input))
     }
 
     /// Whether a fact of a scan is asked for.
@@ -172,7 +175,7 @@ impl ResponsePane {
                 }
                 calls::head(ui, evaluated.as_deref(), &status);
                 if let Some(lesions) = &lesions {
-                    links::show(ui, &input, lesions, &mut self.selected, out);
+                    links::show(ui, &input, lesions, out);
                 }
                 if let Some(evaluated) = &evaluated {
                     calls::table(ui, &evaluated.response.dates, &mut self.date);
@@ -188,7 +191,6 @@ impl ResponsePane {
                 if self.asked_by.as_ref() != Some(&by_what) {
                     self.asked.clear();
                     self.asked_by = Some(by_what);
-                    self.selected = Selected::default();
                 }
                 // Where nothing could be evaluated, what was asked for is still open.
                 let missing = evaluated.as_deref().map_or_else(|| self.asked.clone(), missing);

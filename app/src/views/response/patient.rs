@@ -11,9 +11,12 @@ use glioscope_core::{
 
 use super::{
     Wanted,
-    fields::{By, choice, day, day_with, said, take_back, text},
+    fields::{By, NO_MORE, choice, day, day_with, said, take_back, text},
 };
-use crate::views::{draw::name_widget, pane::Input};
+use crate::views::{
+    draw::{self, name_widget},
+    pane::Input,
+};
 
 const DISEASE: [(Disease, &str); 2] =
     [(Disease::NewlyDiagnosed, "newly diagnosed"), (Disease::Recurrent, "recurrent")];
@@ -29,16 +32,29 @@ pub(super) fn show(ui: &mut Ui, input: &Input<'_>, history: &mut History, wanted
     // Fields stay where they were once asked for, so that nothing moves under the pointer.
     let asks = |asked: Asked| wanted.of_patient(asked);
     if asks(Asked::Baseline) || history.baseline.is_some() {
-        baseline(ui, input, history, by);
+        baseline(ui, input, wanted.counts(Asked::Baseline), history, by);
     }
+    // By these the criteria choose a baseline where none is stated.
+    let counts = |asked: Asked| wanted.counts(asked) || wanted.counts(Asked::Baseline);
     if asks(Asked::Disease) || asks(Asked::Baseline) || history.disease.is_some() {
         ui.horizontal_wrapped(|ui| {
-            ui.label("Disease");
-            choice(ui, "Disease", &mut history.disease, &DISEASE, by);
+            draw::asked(ui, "Disease", wanted.counts(Asked::Disease));
+            if history.disease.is_some() || counts(Asked::Disease) {
+                choice(ui, "Disease", &mut history.disease, &DISEASE, by);
+            } else {
+                ui.weak(NO_MORE);
+            }
         });
     }
     if asks(Asked::RadiotherapyEnd) || asks(Asked::Baseline) || history.radiotherapy_end.is_some() {
-        radiotherapy(ui, history, by);
+        ui.horizontal_wrapped(|ui| {
+            let label = draw::asked(ui, "Radiotherapy ended", wanted.counts(Asked::RadiotherapyEnd));
+            if history.radiotherapy_end.is_some() || counts(Asked::RadiotherapyEnd) {
+                radiotherapy(ui, label.id, history, by);
+            } else {
+                ui.weak(NO_MORE);
+            }
+        });
     }
     if asks(Asked::Targets) || history.targets.is_some() {
         targets(ui, history, by);
@@ -49,9 +65,10 @@ pub(super) fn show(ui: &mut Ui, input: &Input<'_>, history: &mut History, wanted
     surgeries(ui, input, history, by);
 }
 
-fn baseline(ui: &mut Ui, input: &Input<'_>, history: &mut History, by: &By) {
+fn baseline(ui: &mut Ui, input: &Input<'_>, is_missing: bool, history: &mut History, by: &By) {
     ui.horizontal_wrapped(|ui| {
-        ui.label("Baseline").on_hover_text("Not stated: by the criteria, from radiotherapy and surgery");
+        draw::asked(ui, "Baseline", is_missing)
+            .on_hover_text("Not stated: by the criteria, from radiotherapy and surgery");
         let chosen = history.baseline.as_ref().map(|fact| fact.value.0.clone());
         for label in input.case.time_labels() {
             let is_chosen = chosen.as_deref() == Some(label);
@@ -71,27 +88,24 @@ fn baseline(ui: &mut Ui, input: &Input<'_>, history: &mut History, by: &By) {
     });
 }
 
-fn radiotherapy(ui: &mut Ui, history: &mut History, by: &By) {
-    ui.horizontal_wrapped(|ui| {
-        let label = ui.label("Radiotherapy ended");
-        let stated = history.radiotherapy_end.as_ref().map(|fact| fact.value);
-        let mut none = stated == Some(Radiotherapy::None);
-        let response = ui.checkbox(&mut none, "there was none");
-        name_widget(ui, &response, "Radiotherapy: there was none");
-        if response.changed() {
-            history.radiotherapy_end = none.then(|| by.fact(Radiotherapy::None));
-        }
-        if none {
-            return;
-        }
-        let end = match stated {
-            Some(Radiotherapy::Ended(when)) => Some(when),
-            _ => None,
-        };
-        if let Some(new) = day(ui, "radiotherapy", label.id, end) {
-            history.radiotherapy_end = new.map(|when| by.fact(Radiotherapy::Ended(when)));
-        }
-    });
+fn radiotherapy(ui: &mut Ui, label: egui::Id, history: &mut History, by: &By) {
+    let stated = history.radiotherapy_end.as_ref().map(|fact| fact.value);
+    let mut none = stated == Some(Radiotherapy::None);
+    let response = ui.checkbox(&mut none, "there was none");
+    name_widget(ui, &response, "Radiotherapy: there was none");
+    if response.changed() {
+        history.radiotherapy_end = none.then(|| by.fact(Radiotherapy::None));
+    }
+    if none {
+        return;
+    }
+    let end = match stated {
+        Some(Radiotherapy::Ended(when)) => Some(when),
+        _ => None,
+    };
+    if let Some(new) = day(ui, "radiotherapy", label, end) {
+        history.radiotherapy_end = new.map(|when| by.fact(Radiotherapy::Ended(when)));
+    }
 }
 
 fn targets(ui: &mut Ui, history: &mut History, by: &By) {

@@ -11,12 +11,12 @@ use glioscope_core::{
 
 use super::{
     Found, Wanted,
-    fields::{By, choice, number},
+    fields::{By, NO_MORE, choice, number},
 };
 use crate::{
     command::Commands,
     views::{
-        draw::name_widget,
+        draw::{self, name_widget},
         lesions::{self, Selected},
         pane::Input,
     },
@@ -118,11 +118,11 @@ pub(super) fn show(
             }
             for (asked, title, counts) in rows {
                 ui.horizontal_wrapped(|ui| {
-                    let name = ui.label(title);
+                    let name = draw::asked(ui, title, wanted.at(label, asked) && !stated(asked));
                     if counts {
                         cell(ui, asked, &format!("{title} at {date}"), &mut facts, name.id, by);
                     } else {
-                        ui.weak("changes no call any more");
+                        ui.weak(NO_MORE);
                     }
                 });
                 // On lines of their own, where they stay whole.

@@ -398,6 +398,9 @@ fn legend(
     let mut lines: Vec<(Option<[u8; 3]>, String)> = directions
         .into_iter()
         .map(|(verb, color, lengths)| {
+            if lengths.count == 0 {
+                return (Some(color), format!("{verb}: nowhere"));
+            }
             let text = format!(
                 "{verb}: median {}, 95 % {}, most {} mm, at {} voxels",
                 mm(lengths.p50_mm),

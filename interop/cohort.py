@@ -1,6 +1,6 @@
 """`glioscope cohort` on a made cohort beside what others say of it: tables against NumPy's and SciPy's numbers, read by DuckDB, pandas
 and, where it is, R; the SQL of docs/cohort.md with the answers that stand there; ranks against pandas, tests against SciPy; and the same
-tables by Snakemake and, where it runs, Nextflow.
+tables by Snakemake and, where it runs, Nextflow; else, where Groovy is, by the scripts of its pipeline.
 
 Usage: cohort.py PROGRAM DATA [--update]. DATA: the folder glioma-5-algorithms. --update writes DuckDB's answers into the page.
 Everything is made in a temporary folder.
@@ -186,24 +186,37 @@ def by_snakemake(folder, data, plain):
 
 
 def by_nextflow(folder, data, plain):
+    out = folder / "Nextflow's results"
+    pipeline = str(ROOT / "workflows/nextflow/main.nf")
+    words = [
+        "--input", str(data), "--output", str(out), "--glioscope", PROGRAM, "--options", " ".join(OPTIONS),
+        "--group_options", " ".join(GROUP), "--batch", "5",
+    ]
     program = shutil.which("nextflow")
-    if not program or subprocess.run([program, "-version"], capture_output=True, timeout=120).returncode:
+    if program and not subprocess.run([program, "-version"], capture_output=True, timeout=120).returncode:
+        command = [program, "run", pipeline, "-profile", "local", *words]
+    else:
         # Its text at least: a parser of its own, which knows processes and directives.
         from reftrace import Module
 
-        parsed = Module.from_file(str(ROOT / "workflows/nextflow/main.nf"))
+        parsed = Module.from_file(pipeline)
         same("processes of main.nf", [process.name for process in getattr(parsed, "processes", [])] or parsed, ["LABELS", "CASES", "TABLES"])
         print("SKIPPED: Nextflow isn't installed, or its framework can't be had; workflows/nextflow was parsed, not run")
-        return
-    out = folder / "by nextflow"
-    done = subprocess.run(
-        [program, "run", str(ROOT / "workflows/nextflow/main.nf"), "-profile", "local", "--input", str(data), "--output", str(out),
-         "--glioscope", PROGRAM, "--options", " ".join(OPTIONS), "--group_options", " ".join(GROUP), "--batch", "5"],
-        capture_output=True, text=True, cwd=folder,
-    )
+        groovy = shutil.which("groovy")
+        if not groovy:
+            print("SKIPPED: Groovy isn't installed; the scripts of workflows/nextflow weren't run")
+            return
+        command = [groovy, str(ROOT / "interop/nextflow_scripts.groovy"), pipeline, str(folder / "nextflow"), *words]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=folder, env=with_java())
     if done.returncode:
-        sys.exit(f"nextflow: exit code {done.returncode}: {done.stdout}{done.stderr}")
-    same("tables by Nextflow", files(out / "tables") == plain, True)
+        sys.exit(f"{command[0]}: exit code {done.returncode}: {done.stdout}{done.stderr}")
+    same("tables by Nextflow's pipeline", files(out / "tables") == plain, True)
+
+
+def with_java():
+    """The environment, with the place of Java that Debian's Groovy wants."""
+    java = shutil.which("java")
+    return {**({"JAVA_HOME": str(Path(java).resolve().parent.parent)} if java else {}), **os.environ}
 
 
 def by_slurm_array(folder, data, plain):

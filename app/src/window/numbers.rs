@@ -55,7 +55,7 @@ impl Shown {
     /// [`AppError`] where a computation fails.
     pub fn json(&self, progress: &Progress) -> Result<Value, AppError> {
         let Self { case, doc, .. } = self;
-        let compared = measure::compared(case, &doc.edit.agreement.settings(), progress)?;
+        let compared = measure::compared(case, &[], &doc.edit.agreement.settings(), progress)?;
         let mut numbers = with_metrics(&measure::report(case), &compared)?;
         let neighbors = doc.edit.ellipsoids.neighbors;
         let connectivity = Connectivity::of_neighbors(neighbors).unwrap_or_default();

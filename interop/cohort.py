@@ -8,6 +8,7 @@ Everything is made in a temporary folder.
 
 import csv
 import io
+import operator
 import os
 import re
 import shutil
@@ -101,22 +102,23 @@ def by_r(out):
                     same(f"sum of {name} of {path.name} by R", float(total), table[name].astype(float).sum(), 1e-12)
 
 
-def against_statistics(out):
-    """Ranks as pandas ranks, tests as SciPy and the definition of Holm have them."""
+def against_statistics(out, keys):
+    """Ranks as pandas ranks, tests as SciPy and the definition of Holm have them; `keys`: of each metric what is least for the best."""
     pairs = pd.read_parquet(out / "tables" / "pairs.parquet")
     ranks = pd.read_parquet(out / "tables" / "ranks.parquet").set_index(["metric", "mask"])
     tests = pd.read_parquet(out / "tables" / "tests.parquet")
     overall = []
-    for metric, sign in (("dice", -1), ("hd95_mm", 1)):
+    for metric, key in keys.items():
         own = pairs[(pairs.a == REFERENCE) & (pairs.metric == metric)]
         wide = own.pivot_table(index=["case", "time"], columns="b", values="value")
-        by_case = (sign * wide).rank(axis=1).groupby("case").mean()
+        by_case = key(wide).rank(axis=1).groupby("case").mean()
         overall.append(by_case)
         for mask, rank in by_case.mean().items():
             row = ranks.loc[metric, mask]
             same(f"rank of {mask} by {metric}", row.mean_rank, rank, 1e-12)
             same(f"interval of {mask}", row.low <= row.mean_rank <= row.high, True)
-        values, p, rows = wide.groupby("case").mean(), [], []
+        # Of a difference its size is tested.
+        values, p, rows = (wide.abs() if key is abs else wide).groupby("case").mean(), [], []
         for _, row in tests[tests.metric == metric].iterrows():
             a, b = values[row.a].to_numpy(), values[row.b].to_numpy()
             method = {"exact": "exact", "normal": "approx"}[row.method]
@@ -245,7 +247,10 @@ with tempfile.TemporaryDirectory() as temporary:
     cohort_numbers.all_numbers(out, by_voxels, make, CASES)
     against_readers(out)
     by_r(out)
-    against_statistics(out)
+    against_statistics(out, {"dice": operator.neg, "hd95_mm": operator.pos})
+    more = {"sensitivity": operator.neg, "relative_volume_difference": abs, "nsd": operator.neg}
+    cohort(data, by_voxels, "group", "--reference", REFERENCE, "--rank-by", ",".join(more))
+    against_statistics(by_voxels, more)
     examples(out)
     by_numpy(out, make)
     plain = files(out / "tables")

@@ -59,7 +59,7 @@ pub struct MaskArguments {
     #[arg(long)]
     pub one_space: bool,
     /// Of a subject's folder of BIDS: the derived data set whose masks belong to its images, by its name in derivatives/ or a path
-    /// with a /. Repeat for more, or none. Default: the only one that has any of the subject.
+    /// with a /. Repeat for more, or none. Default: the only one that has any of the subject, where that has no masks itself.
     #[arg(long, value_name = "NAME", value_parser = parse::derived)]
     pub derivatives: Vec<PathBuf>,
     /// Maximum bytes of voxels that a file may declare, and maximum size of a tract file in bytes.

@@ -71,7 +71,7 @@ pub struct CohortArguments {
     #[arg(long, alias = "skip_bids_validation")]
     pub skip_bids_validation: bool,
     /// Of a raw BIDS data set: the derived ones whose masks belong to its images, by their names in derivatives/ or paths with a /, or
-    /// none. Default: in each case the only one that has any of the subject.
+    /// none. Default: in each case the only one that has any of the subject, where it has no masks itself.
     #[arg(long, value_name = "NAME", num_args = 1.., value_parser = parse::derived)]
     pub derivatives: Vec<PathBuf>,
     /// What is computed of every case; measure always is.

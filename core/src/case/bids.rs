@@ -110,11 +110,12 @@ pub fn derived_data_set(root: &Path, chosen: &Path) -> Result<Option<PathBuf>, C
     Err(CaseError::wrong("--derivatives", found, expected))
 }
 
-/// What other data sets have of the subject in `folder`; of derived ones those `chosen`, else the only one.
+/// What other data sets have of the subject in `folder`, whose own files are `own`; of derived ones those `chosen`, else the only one
+/// where it has no masks itself.
 ///
 /// # Errors
 /// [`CaseError`] where something is chosen that isn't there, or for a folder of no subject.
-pub(super) fn partners(folder: &Path, chosen: &[PathBuf]) -> Result<Partners, CaseError> {
+pub(super) fn partners(folder: &Path, own: &Listing, chosen: &[PathBuf]) -> Result<Partners, CaseError> {
     let mut found = Partners::default();
     let Some((root, beneath)) = place_of(folder) else {
         if chosen.is_empty() {
@@ -144,7 +145,9 @@ pub(super) fn partners(folder: &Path, chosen: &[PathBuf]) -> Result<Partners, Ca
     if !chosen.is_empty() {
         return Ok(found);
     }
-    let mut sets = derived(&root, &beneath);
+    let is_mask = |path: &PathBuf| names::parse_name(path).is_some_and(|file| file.kind == Kind::Mask);
+    let has_masks = own.volumes.iter().any(is_mask);
+    let mut sets = if has_masks { Vec::new() } else { derived(&root, &beneath) };
     if sets.len() > 1 {
         let names: Vec<String> = sets.iter().map(|set| printable(&named(set))).collect();
         let text = format!(
@@ -255,11 +258,11 @@ pub fn files_of_other_data_sets(
     if !folder.is_dir() || place_of(folder).is_none() {
         return Ok(Vec::new());
     }
-    let found = partners(folder, chosen)?;
+    let own = folder::list(folder, progress)?;
+    let found = partners(folder, &own, chosen)?;
     if found.is_empty() {
         return Ok(Vec::new());
     }
-    let own = folder::list(folder, progress)?;
     let (root, all, _) = found.join(folder, own, progress)?;
     let is_other = |path: &PathBuf| !path.starts_with(absolute(folder));
     let files = all.volumes.into_iter().chain(all.tables).map(|path| root.join(path)).filter(is_other);

@@ -207,7 +207,7 @@ fn manifest_in(folder: &Path) -> Result<Option<PathBuf>, CaseError> {
 
 fn guess_folder(folder: &Path, options: &LoadOptions, progress: &Progress) -> Result<Proposal, CaseError> {
     let listing = folder::list(folder, progress)?;
-    let others = bids::partners(folder, &options.derivatives)?;
+    let others = bids::partners(folder, &listing, &options.derivatives)?;
     let mut proposal = if others.is_empty() || listing.volumes.is_empty() {
         guess_listed(folder, listing, options, progress)?
     } else {

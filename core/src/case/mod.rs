@@ -237,7 +237,7 @@ pub struct LoadOptions {
     /// Whether the user says that all files lie in one space.
     pub one_space: bool,
     /// The derived data sets of BIDS whose masks a subject's images have: names in `derivatives/`, absolute paths, or `none`.
-    /// Empty: the only one that has any of the subject.
+    /// Empty: the only one that has any of the subject, where the subject has no masks itself.
     pub derivatives: Vec<PathBuf>,
 }
 

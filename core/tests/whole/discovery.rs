@@ -83,6 +83,11 @@ fn raw_images_and_derived_masks_of_bids_are_one_case() {
     for two in [["rater", "nnunet"], [path.to_str().unwrap(), "nnunet"]] {
         assert_eq!(seen(&raw.join("ses-a"), &two).unwrap(), "T1w  raw, rater-core , nnunet-core ");
     }
+    // Masks of its own are its masks.
+    put_mask(&root, "sub-03/anat/sub-03_label-core_mask.nii");
+    put_mask(&derived, "sub-03/anat/sub-03_desc-brain_mask.nii");
+    assert_eq!(seen(&root.join("sub-03"), &[]).unwrap(), "core ");
+    assert_eq!(seen(&root.join("sub-03"), &["nnunet"]).unwrap(), "core , brain ");
     for (path, name, expected) in
         [(&raw, "other", "no folder"), (&root, "rater", "the folder of a subject of BIDS")]
     {

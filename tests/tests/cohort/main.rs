@@ -161,4 +161,8 @@ fn wrong_arguments_are_one_line() {
     assert!(code == 2 && stderr.contains("a folder among the cases"), "{stderr}");
     let (_, stdout, _) = glioscope_cohort(&input, &out, &["participant", "--list"]);
     assert_eq!(stdout, "case-000\n");
+    // As the paper of BIDS-Apps writes it.
+    let (_, stdout, _) =
+        glioscope_cohort(&input, &out, &["participant", "--participant_label", "case-000", "--list"]);
+    assert_eq!(stdout, "case-000\n");
 }

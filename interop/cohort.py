@@ -1,6 +1,6 @@
 """`glioscope cohort` on a made cohort beside what others say of it: tables against NumPy's and SciPy's numbers, read by DuckDB, pandas
 and, where it is, R; the SQL of docs/cohort.md with the answers that stand there; ranks against pandas, tests against SciPy; and the same
-tables by Snakemake and, where it runs, Nextflow.
+tables by Snakemake and, where it runs, Nextflow; else, where Groovy is, by the scripts of its pipeline.
 
 Usage: cohort.py PROGRAM DATA [--update]. DATA: the folder glioma-5-algorithms. --update writes DuckDB's answers into the page.
 Everything is made in a temporary folder.
@@ -8,7 +8,7 @@ Everything is made in a temporary folder.
 
 import csv
 import io
-import itertools
+import operator
 import os
 import re
 import shutil
@@ -20,10 +20,12 @@ from pathlib import Path
 import duckdb
 import numpy as np
 import pandas as pd
-from scipy import ndimage, stats
+from scipy import stats
 
 import cohort_cases
-from cohort_cases import DATES, REFERENCE
+import cohort_numbers
+from cohort_cases import REFERENCE
+from cohort_numbers import same
 
 PROGRAM, DATA = (str(Path(path).resolve()) for path in sys.argv[1:3])
 UPDATE = "--update" in sys.argv[3:]
@@ -32,15 +34,6 @@ PAGE = ROOT / "docs" / "cohort.md"
 CASES = 12
 OPTIONS = ["--compute", "metrics,lesions,change", "--of", REFERENCE]
 GROUP = ["--reference", REFERENCE, "--rank-by", "dice,hd95_mm"]
-checks = 0
-
-
-def same(what, found, expected, tolerance=0.0):
-    global checks
-    checks += 1
-    is_same = np.allclose(found, expected, rtol=tolerance, atol=0) if tolerance else found == expected
-    if not is_same:
-        sys.exit(f"{what}: found {found}, expected {expected}")
 
 
 def cohort(data, out, *arguments):
@@ -51,115 +44,6 @@ def cohort(data, out, *arguments):
 
 def files(folder):
     return {path.name: path.read_bytes() for path in sorted(Path(folder).iterdir())}
-
-
-def kappa(a, b):
-    """Cohen's: agreement beyond what is expected of two masks of these sizes."""
-    agreed, by_chance = (a == b).mean(), a.mean() * b.mean() + (1 - a.mean()) * (1 - b.mean())
-    return (agreed - by_chance) / (1 - by_chance)
-
-
-def corners(mask):
-    """Corners of voxels around which the eight differ."""
-    padded = np.pad(mask, 1)
-    around = [padded[tuple(slice(step, n + step - 1) for step, n in zip(steps, padded.shape))] for steps in itertools.product((0, 1), repeat=3)]
-    return np.any(around, axis=0) & ~np.all(around, axis=0)
-
-
-def faced(mask):
-    """Active voxels with an inactive one across a face."""
-    return mask & ~ndimage.binary_erosion(mask)
-
-
-def ways_mm(a, b, spacing):
-    """From each place of a surface to the nearest of the other, both ways."""
-    return [ndimage.distance_transform_edt(~to, spacing)[of] for of, to in ((a, b), (b, a))]
-
-
-def farthest(*ways):
-    return max(way.max() for way in ways)
-
-
-# Of MetricsReloaded, all places of one weight: the larger of both ways, and means over both and of both ways' means.
-BY_VOXELS = {
-    "hd_mm": farthest,
-    "hd95_mm": lambda *ways: max(np.percentile(way, 95) for way in ways),
-    "assd_mm": lambda *ways: np.concatenate(ways).mean(),
-    "masd_mm": lambda *ways: np.mean([way.mean() for way in ways]),
-    "nsd": lambda *ways: (np.concatenate(ways) <= 1.0).mean(),
-}
-
-
-def by_case(out, kind):
-    return {(case, time): rows for (case, time), rows in pd.read_parquet(out / "tables" / f"{kind}.parquet").groupby(["case", "time"])}
-
-
-def distances(out, make, surface, metrics):
-    """Every pair of masks, by SciPy's distances between what a convention calls their surfaces."""
-    tables = by_case(out, "pairs")
-    for n in range(CASES):
-        made, spacing = make(n)
-        for date, masks in made.items():
-            found = tables[f"case-{n:04d}", date].set_index(["a", "b", "metric"]).value
-            surfaces = {name: surface(mask) for name, mask in masks.items()}
-            for a, b in itertools.combinations(masks, 2):
-                ways = ways_mm(surfaces[a], surfaces[b], spacing)
-                for metric, of in metrics.items():
-                    same(f"case-{n:04d} {date} {a} {b} {metric}", found[a, b, metric], of(*ways), 1e-6)
-
-
-def lesion_volumes(out, make):
-    """A lesion is what overlaps over the dates: here the parts of one component of both dates' union."""
-    tables = by_case(out, "lesions")
-    for n in range(CASES):
-        made, spacing = make(n)
-        lesions, count = ndimage.label(np.any([made[date][REFERENCE] for date in DATES], axis=0), np.ones((3, 3, 3)))
-        for date in DATES:
-            voxels = ndimage.sum_labels(made[date][REFERENCE], lesions, range(1, count + 1))
-            expected = sorted(voxels[voxels > 0] * np.prod(spacing) / 1000)
-            found = sorted(tables[f"case-{n:04d}", date].volume_ml)
-            same(f"case-{n:04d} {date} lesions", len(found), len(expected))
-            same(f"case-{n:04d} {date} volumes of lesions", found, expected, 1e-6)
-
-
-def against_numpy(out, make):
-    """Every mask, region and pair."""
-    table = {kind: pd.read_parquet(out / "tables" / f"{kind}.parquet") for kind in ("masks", "regions", "pairs", "changes")}
-    same("masks", len(table["masks"]), CASES * 2 * 4)
-    for n in range(CASES):
-        case, (made, spacing) = f"case-{n:04d}", make(n)
-        voxel_ml = float(np.prod(spacing)) / 1000
-        for date, masks in made.items():
-            own = table["masks"][(table["masks"].case == case) & (table["masks"].time == date)].set_index("mask")
-            for name, mask in masks.items():
-                same(f"{case} {date} {name}", int(own.voxels[name]), int(mask.sum()))
-                same(f"{case} {date} {name} ml", own.volume_ml[name], mask.sum() * voxel_ml, 1e-6)
-            regions = table["regions"][(table["regions"].case == case) & (table["regions"].time == date)]
-            names = list(masks)
-            bits = sum(mask.astype(int) << k for k, mask in enumerate(masks.values()))
-            expected = {
-                "+".join(name for k, name in enumerate(names) if code >> k & 1): int(count)
-                for code, count in zip(*np.unique(bits[bits > 0], return_counts=True))
-            }
-            same(f"{case} {date} regions", dict(zip(regions.region, map(int, regions.voxels))), expected)
-            pairs = table["pairs"][(table["pairs"].case == case) & (table["pairs"].time == date)]
-            pairs = pairs.set_index(["a", "b", "metric"]).value
-            for a, b in itertools.combinations(names, 2):
-                both, either = (masks[a] & masks[b]).sum(), (masks[a] | masks[b]).sum()
-                same(f"{case} {a} {b} Jaccard", pairs[a, b, "jaccard"], both / either, 1e-12)
-                same(f"{case} {a} {b} Dice", pairs[a, b, "dice"], 2 * both / (both + either), 1e-12)
-                same(f"{case} {a} {b} kappa", pairs[a, b, "kappa"], kappa(masks[a], masks[b]), 1e-9)
-        change = table["changes"][table["changes"].case == case].iloc[0]
-        first, last = (made[date][REFERENCE] for date in DATES)
-        same(f"{case} new", change.new_ml, (last & ~first).sum() * voxel_ml, 1e-6)
-        same(f"{case} gone", change.gone_ml, (first & ~last).sum() * voxel_ml)
-    lesions = pd.read_parquet(out / "tables" / "lesions.parquet")
-    for n in range(CASES):
-        made, _ = make(n)
-        for date in DATES:
-            own = lesions[(lesions.case == f"case-{n:04d}") & (lesions.time == date)]
-            _, count = ndimage.label(made[date][REFERENCE], np.ones((3, 3, 3)))
-            same(f"case-{n:04d} {date} components", int(own.components.sum()), count)
 
 
 def against_readers(out):
@@ -218,22 +102,23 @@ def by_r(out):
                     same(f"sum of {name} of {path.name} by R", float(total), table[name].astype(float).sum(), 1e-12)
 
 
-def against_statistics(out):
-    """Ranks as pandas ranks, tests as SciPy and the definition of Holm have them."""
+def against_statistics(out, keys):
+    """Ranks as pandas ranks, tests as SciPy and the definition of Holm have them; `keys`: of each metric what is least for the best."""
     pairs = pd.read_parquet(out / "tables" / "pairs.parquet")
     ranks = pd.read_parquet(out / "tables" / "ranks.parquet").set_index(["metric", "mask"])
     tests = pd.read_parquet(out / "tables" / "tests.parquet")
     overall = []
-    for metric, sign in (("dice", -1), ("hd95_mm", 1)):
+    for metric, key in keys.items():
         own = pairs[(pairs.a == REFERENCE) & (pairs.metric == metric)]
         wide = own.pivot_table(index=["case", "time"], columns="b", values="value")
-        by_case = (sign * wide).rank(axis=1).groupby("case").mean()
+        by_case = key(wide).rank(axis=1).groupby("case").mean()
         overall.append(by_case)
         for mask, rank in by_case.mean().items():
             row = ranks.loc[metric, mask]
             same(f"rank of {mask} by {metric}", row.mean_rank, rank, 1e-12)
             same(f"interval of {mask}", row.low <= row.mean_rank <= row.high, True)
-        values, p, rows = wide.groupby("case").mean(), [], []
+        # Of a difference its size is tested.
+        values, p, rows = (wide.abs() if key is abs else wide).groupby("case").mean(), [], []
         for _, row in tests[tests.metric == metric].iterrows():
             a, b = values[row.a].to_numpy(), values[row.b].to_numpy()
             method = {"exact": "exact", "normal": "approx"}[row.method]
@@ -303,24 +188,37 @@ def by_snakemake(folder, data, plain):
 
 
 def by_nextflow(folder, data, plain):
+    out = folder / "Nextflow's results"
+    pipeline = str(ROOT / "workflows/nextflow/main.nf")
+    words = [
+        "--input", str(data), "--output", str(out), "--glioscope", PROGRAM, "--options", " ".join(OPTIONS),
+        "--group_options", " ".join(GROUP), "--batch", "5",
+    ]
     program = shutil.which("nextflow")
-    if not program or subprocess.run([program, "-version"], capture_output=True, timeout=120).returncode:
+    if program and not subprocess.run([program, "-version"], capture_output=True, timeout=120).returncode:
+        command = [program, "run", pipeline, "-profile", "local", *words]
+    else:
         # Its text at least: a parser of its own, which knows processes and directives.
         from reftrace import Module
 
-        parsed = Module.from_file(str(ROOT / "workflows/nextflow/main.nf"))
+        parsed = Module.from_file(pipeline)
         same("processes of main.nf", [process.name for process in getattr(parsed, "processes", [])] or parsed, ["LABELS", "CASES", "TABLES"])
         print("SKIPPED: Nextflow isn't installed, or its framework can't be had; workflows/nextflow was parsed, not run")
-        return
-    out = folder / "by nextflow"
-    done = subprocess.run(
-        [program, "run", str(ROOT / "workflows/nextflow/main.nf"), "-profile", "local", "--input", str(data), "--output", str(out),
-         "--glioscope", PROGRAM, "--options", " ".join(OPTIONS), "--group_options", " ".join(GROUP), "--batch", "5"],
-        capture_output=True, text=True, cwd=folder,
-    )
+        groovy = shutil.which("groovy")
+        if not groovy:
+            print("SKIPPED: Groovy isn't installed; the scripts of workflows/nextflow weren't run")
+            return
+        command = [groovy, str(ROOT / "interop/nextflow_scripts.groovy"), pipeline, str(folder / "nextflow"), *words]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=folder, env=with_java())
     if done.returncode:
-        sys.exit(f"nextflow: exit code {done.returncode}: {done.stdout}{done.stderr}")
-    same("tables by Nextflow", files(out / "tables") == plain, True)
+        sys.exit(f"{command[0]}: exit code {done.returncode}: {done.stdout}{done.stderr}")
+    same("tables by Nextflow's pipeline", files(out / "tables") == plain, True)
+
+
+def with_java():
+    """The environment, with the place of Java that Debian's Groovy wants."""
+    java = shutil.which("java")
+    return {**({"JAVA_HOME": str(Path(java).resolve().parent.parent)} if java else {}), **os.environ}
 
 
 def by_slurm_array(folder, data, plain):
@@ -343,20 +241,20 @@ with tempfile.TemporaryDirectory() as temporary:
     make = cohort_cases.write(DATA, data, CASES)
     cohort(data, out, "participant", *OPTIONS)
     cohort(data, out, "group", *GROUP)
-    against_numpy(out, make)
-    lesion_volumes(out, make)
-    distances(out, make, corners, {"hd_mm": farthest})
     by_voxels = folder / "by voxels"
     cohort(data, by_voxels, "participant", "--compute", "metrics", "--convention", "metrics-reloaded")
     cohort(data, by_voxels, "group")
-    distances(by_voxels, make, faced, BY_VOXELS)
+    cohort_numbers.all_numbers(out, by_voxels, make, CASES)
     against_readers(out)
     by_r(out)
-    against_statistics(out)
+    against_statistics(out, {"dice": operator.neg, "hd95_mm": operator.pos})
+    more = {"sensitivity": operator.neg, "relative_volume_difference": abs, "nsd": operator.neg}
+    cohort(data, by_voxels, "group", "--reference", REFERENCE, "--rank-by", ",".join(more))
+    against_statistics(by_voxels, more)
     examples(out)
     by_numpy(out, make)
     plain = files(out / "tables")
     by_snakemake(folder, data, plain)
     by_slurm_array(folder, data, plain)
     by_nextflow(folder, data, plain)
-print(f"cohort: {checks} checks passed")
+print(f"cohort: {cohort_numbers.checks} checks passed")

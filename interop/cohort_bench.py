@@ -1,7 +1,8 @@
 """A made cohort of 200 cases, killed at 20 random moments and run again: the same tables as undisturbed, and no partial case. Then the
 time of a case against the number of processes and of cases, memory, and what a case of full size costs. Prints Markdown.
 
-Usage: cohort_bench.py PROGRAM DATA [CASES [KILLS]]. DATA: the folder glioma-5-algorithms.
+Usage: cohort_bench.py PROGRAM DATA [CASES [KILLS]] [--numbers]. DATA: the folder glioma-5-algorithms. --numbers: nothing of this, but
+every number of every case beside NumPy and SciPy (cohort_numbers.py).
 """
 
 import json
@@ -16,8 +17,8 @@ from pathlib import Path
 
 import cohort_cases
 
-PROGRAM, DATA = sys.argv[1:3]
-CASES, KILLS = (int(text) for text in (*sys.argv[3:], *("200", "20")[len(sys.argv) - 3 :]))
+PROGRAM, DATA, *COUNTS = (word for word in sys.argv[1:] if word != "--numbers")
+CASES, KILLS = (int(text) for text in (*COUNTS, *("200", "20")[len(COUNTS) :]))
 OPTIONS = ["--compute", "metrics,lesions,change"]
 SEED = 19
 
@@ -110,10 +111,25 @@ def full_size(folder):
           f"{sum(p.stat().st_size for p in (out / 'cases').rglob('*') if p.suffix in ('.json', '.txt')) / 1e6:.3f} MB")
 
 
+def numbers(data, folder, make):
+    import cohort_numbers
+
+    by_corners, by_voxels = folder / "by corners", folder / "by voxels"
+    run(data, by_corners, "participant", *OPTIONS, "--of", cohort_cases.REFERENCE)
+    run(data, by_voxels, "participant", "--compute", "metrics", "--convention", "metrics-reloaded")
+    for out in (by_corners, by_voxels):
+        run(data, out, "group")
+    cohort_numbers.all_numbers(by_corners, by_voxels, make, CASES)
+    print(f"{CASES} cases: {cohort_numbers.checks} numbers as by NumPy and SciPy")
+
+
 with tempfile.TemporaryDirectory() as temporary:
     folder = Path(temporary).resolve()
     data = folder / "made"
-    cohort_cases.write(DATA, data, CASES)
-    killed(data, folder)
-    scaled(folder, data)
-    full_size(folder)
+    make = cohort_cases.write(DATA, data, CASES)
+    if "--numbers" in sys.argv:
+        numbers(data, folder, make)
+    else:
+        killed(data, folder)
+        scaled(folder, data)
+        full_size(folder)

@@ -381,11 +381,12 @@ impl Collected {
         failures
     }
 
-    /// What was opened for a case: the folder, manifest, archive, image or session that its results name.
+    /// What was opened for a case: the folder, manifest, archive, image or session that its results name, and the derived data sets of
+    /// BIDS that were chosen.
     ///
     /// # Errors
     /// [`CohortError`] where the results don't say it, and where nothing is there any more.
-    pub fn source(&self, case: &str) -> Result<PathBuf, CohortError> {
+    pub fn source(&self, case: &str) -> Result<(PathBuf, Vec<PathBuf>), CohortError> {
         let folder = self.folder.join("cases").join(case);
         let status = CaseStatus::read(&folder).filter(|status| !status.path.is_empty());
         let Some(status) = status else {
@@ -397,7 +398,7 @@ impl Collected {
             let expected = format!("the files of {case}, where they were when it was computed");
             return Err(CohortError::at(&path, "nothing there", expected));
         }
-        Ok(path)
+        Ok((path, status.options.derivatives))
     }
 }
 

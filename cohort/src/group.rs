@@ -10,8 +10,8 @@ use serde_json::Value;
 
 use crate::{
     CaseStatus, CohortCase, CohortError, Dictionary, KINDS, Place, State,
-    rank::{Ranks, Values, corrected, interval, more_is_better, signed_rank},
-    tables::{FAILURES, Field, RANKS, TESTS, Writer, pair_values, rows_of},
+    rank::{Ranks, Values, corrected, interval, ranked_metric, signed_rank},
+    tables::{FAILURES, Field, PairValue, RANKS, TESTS, Writer, pair_values, rows_of},
 };
 
 /// Maximum size of an answer in bytes.
@@ -24,8 +24,9 @@ const ALL: &str = "all";
 /// How masks are ranked.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ranking {
-    /// Id of the mask that the others are compared with.
-    pub reference: String,
+    /// Id of the mask that the others are compared with. Several are one reference's parts of the tumour, `NAME-PART`: each is compared
+    /// with the masks whose ids end in its part.
+    pub references: Vec<String>,
     /// Keys of the metrics.
     pub metrics: Vec<String>,
     /// Fixes which cases the bootstrap draws.
@@ -62,6 +63,8 @@ pub fn group(
         return Err(CohortError::at(&tables, "another run that writes them", "one at a time"));
     };
     let part = lock.part(None)?;
+    let references = ranking.map(|ranking| parts(&ranking.references)).transpose()?.unwrap_or_default();
+    let metrics = ranking.map(|ranking| ranking.metrics.as_slice()).unwrap_or_default();
     let kinds = if ranking.is_some() { KINDS } else { KINDS.get(..RANKS).unwrap_or(KINDS) };
     let writers = kinds.iter().map(|kind| Writer::new(kind, part.folder(), version));
     let mut writers = writers.collect::<Result<Vec<_>, _>>()?;
@@ -96,11 +99,9 @@ pub fn group(
                     for (table, row) in rows_of(step.step, name, &answer) {
                         writers[table].row(row)?;
                     }
-                    if let Some(ranking) = ranking {
-                        for (date, mask, metric, value) in
-                            pair_values(&answer, &ranking.reference, &ranking.metrics)
-                        {
-                            values.entry(metric).or_default().add(name, &date, &mask, value);
+                    for reference in &references {
+                        for found in pair_values(&answer, &reference.id, metrics) {
+                            add(&mut values, reference, name, found)?;
                         }
                     }
                 }
@@ -122,7 +123,7 @@ pub fn group(
         ));
     }
     if let Some(ranking) = ranking {
-        rank(ranking, &values, &mut writers, &mut done.notes)?;
+        rank(ranking, (&references, &values), &mut writers, &mut done.notes)?;
     }
     let count = |(kind, writer): (&'static crate::Kind, Writer)| Ok((kind.name, writer.close()?));
     done.tables = kinds.iter().zip(writers).map(count).collect::<Result<_, CohortError>>()?;
@@ -136,8 +137,68 @@ pub fn group(
     Ok(done)
 }
 
-/// Values by metric.
-type RankedValues = BTreeMap<String, Values>;
+/// Values by the reference's id and the metric.
+type RankedValues = BTreeMap<(String, String), Values>;
+
+/// A mask that others are compared with.
+struct Reference {
+    id: String,
+    /// What its id ends in with the ids of the masks that are compared with it, from the dash on; empty: all.
+    part: String,
+}
+
+impl Reference {
+    /// The name of an algorithm among the ids: that of its mask without the part.
+    fn name_of<'a>(&self, mask: &'a str) -> Option<&'a str> {
+        mask.strip_suffix(self.part.as_str()).filter(|name| !name.is_empty())
+    }
+}
+
+/// The references with their parts: of one reference all masks, of several what follows their common beginning.
+///
+/// # Errors
+/// [`CohortError`] where several don't begin alike up to a dash.
+fn parts(ids: &[String]) -> Result<Vec<Reference>, CohortError> {
+    let one = |id: &String, part: &str| Reference { id: id.clone(), part: part.to_owned() };
+    if let [only] = ids {
+        return Ok(vec![one(only, "")]);
+    }
+    let name = ids.first().map(String::as_str).unwrap_or_default();
+    let mut dashes = name.match_indices('-').map(|(at, _)| at).rev();
+    let is_common = |at: &usize| ids.iter().all(|id| id.len() > at + 1 && id.get(..=*at) == name.get(..=*at));
+    let Some(at) = dashes.find(is_common) else {
+        let expected = "one, or the parts of one, whose ids begin alike up to a dash: ref-WT, ref-TC";
+        return Err(CohortError::wrong("--reference", ids.join(", "), expected));
+    };
+    Ok(ids.iter().map(|id| one(id, id.get(at..).unwrap_or_default())).collect())
+}
+
+/// Adds a value of a case to those that are ranked.
+fn add(
+    values: &mut RankedValues,
+    reference: &Reference,
+    case: &str,
+    found: PairValue,
+) -> Result<(), CohortError> {
+    let PairValue { date, mask, metric, value, is_reference_first } = found;
+    if reference.name_of(&mask).is_none() {
+        return Ok(());
+    }
+    let ranked = ranked_metric(&metric);
+    if !is_reference_first && ranked.is_some_and(|ranked| ranked.is_directed) {
+        let reference = &reference.id;
+        return Err(CohortError::wrong(
+            "--rank-by",
+            format!("{metric} with {mask} as the reference (case {case})"),
+            format!(
+                "that with {reference}: results of participant --compute metrics --reference {reference}"
+            ),
+        ));
+    }
+    let value = value.map(|value| ranked.map_or(value, |ranked| ranked.better.of(value)));
+    values.entry((reference.id.clone(), metric)).or_default().add(case, &date, &mask, value);
+    Ok(())
+}
 
 fn answer(path: &Path) -> Result<Value, CohortError> {
     let bytes = read_small(path, MAX_BYTES, "an answer of the program")?;
@@ -157,40 +218,46 @@ fn failure(case: &str, step: Option<&str>, exit_code: Option<i64>, error: Option
 /// Writes ranks and tests.
 fn rank(
     ranking: &Ranking,
-    values: &RankedValues,
+    (references, values): (&[Reference], &RankedValues),
     writers: &mut [Writer],
     notes: &mut Vec<String>,
 ) -> Result<(), CohortError> {
-    let Ranking { reference, metrics, seed } = ranking;
+    let Ranking { metrics, seed, .. } = ranking;
     let mut all: BTreeMap<String, Vec<Ranks>> = BTreeMap::new();
-    for metric in metrics {
-        let Some(more) = more_is_better(metric) else {
+    for (reference, metric) in references.iter().flat_map(|r| metrics.iter().map(move |metric| (r, metric))) {
+        let id = &reference.id;
+        let Some(ranked) = ranked_metric(metric) else {
             let expected = crate::rank::ranked_metrics();
             return Err(CohortError::wrong("--rank-by", format!("\"{metric}\""), expected));
         };
-        let Some(of_metric) = values.get(metric) else {
-            let expected = format!(
-                "a metric that the cases have beside a mask {reference} (--compute metrics has distances)"
-            );
+        let Some(of_metric) = values.get(&(id.clone(), metric.clone())) else {
+            let expected =
+                format!("a metric that the cases have beside a mask {id} (--compute metrics has distances)");
             return Err(CohortError::wrong("--rank-by", format!("\"{metric}\""), expected));
         };
         let algorithms: Vec<&str> = of_metric.algorithms().collect();
-        let ranks = of_metric.ranks(&algorithms, more);
-        write_ranks(&mut writers[RANKS], (reference, metric), &ranks, *seed)?;
+        let ranks = of_metric.ranks(&algorithms, ranked.better);
+        write_ranks(&mut writers[RANKS], (id, metric), &ranks, *seed)?;
         for ranks in ranks {
-            all.entry(ranks.algorithm.clone()).or_default().push(ranks);
+            let name = reference.name_of(&ranks.algorithm).unwrap_or(&ranks.algorithm).to_owned();
+            all.entry(name).or_default().push(ranks);
         }
         let pairs: Vec<(&str, &str)> = algorithms
             .iter()
             .enumerate()
             .flat_map(|(n, a)| algorithms[n + 1..].iter().map(move |b| (*a, *b)))
             .collect();
-        write_tests(&mut writers[TESTS], (reference, metric), of_metric, &pairs)?;
+        write_tests(&mut writers[TESTS], (id, metric), of_metric, &pairs)?;
     }
     let cases: Vec<usize> = all.values().flatten().map(|ranks| ranks.by_case.len()).collect();
     let most = cases.iter().max().copied().unwrap_or_default();
     if cases.iter().any(|count| *count != most) {
         notes.push("not every case has every metric that is ranked".into());
+    }
+    if all.values().any(|ranks| ranks.len() != references.len() * metrics.len()) {
+        notes.push(
+            "not every mask has every part of the reference: its mean rank is over those it has".into(),
+        );
     }
     let mean = |(algorithm, of_metrics): (String, Vec<Ranks>)| {
         let mut by_case: BTreeMap<String, Vec<f64>> = BTreeMap::new();
@@ -206,7 +273,8 @@ fn rank(
         }
     };
     let all: Vec<Ranks> = all.into_iter().map(mean).collect();
-    write_ranks(&mut writers[RANKS], (reference, ALL), &all, *seed)
+    let name = references.first().and_then(|first| first.name_of(&first.id)).unwrap_or_default();
+    write_ranks(&mut writers[RANKS], (name, ALL), &all, *seed)
 }
 
 fn write_ranks(
@@ -274,4 +342,28 @@ fn median_difference(pairs: &[[f64; 2]]) -> Option<f64> {
     let [low, high] = [differences[middle], differences[differences.len() / 2]];
     // Two infinite ones of either sign have no middle.
     Some(if low == high { low } else { (low + high) / 2.0 }).filter(|median| !median.is_nan())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn several_references_are_parts_of_one() {
+        let of = |ids: &[&str]| {
+            let ids: Vec<String> = ids.iter().map(|id| (*id).to_owned()).collect();
+            parts(&ids)
+                .map(|all| all.into_iter().map(|one| one.part).collect::<Vec<_>>())
+                .map_err(|e| e.to_string())
+        };
+        assert_eq!(of(&["ref-WT"]).unwrap(), [""]);
+        assert_eq!(of(&["my-ref-WT", "my-ref-ET"]).unwrap(), ["-WT", "-ET"]);
+        assert_eq!(of(&["r-T-1", "r-T-2"]).unwrap(), ["-1", "-2"]);
+        for wrong in [["ref", "other"], ["ref-WT", "other-WT"], ["ref-", "ref-WT"]] {
+            assert!(of(&wrong).unwrap_err().contains("begin alike up to a dash"), "{wrong:?}");
+        }
+        let reference = Reference { id: "ref-WT".into(), part: "-WT".into() };
+        let names = ["net-WT", "net-TC", "-WT"].map(|mask| reference.name_of(mask));
+        assert_eq!(names, [Some("net"), None, None]);
+    }
 }

@@ -7,7 +7,7 @@ use std::{
 
 use glioscope_core::{
     Progress,
-    case::read_manifest,
+    case::{files_of_other_data_sets, has_manifest, read_manifest},
     files::{FileError, printable, sha256_of},
 };
 use serde::{Deserialize, Serialize};
@@ -33,14 +33,14 @@ pub struct HashedFile {
 /// Files named by a saved session: whoever reads sessions says which.
 pub type SessionFiles<'a> = &'a (dyn Fn(&Path) -> Result<Vec<PathBuf>, CohortError> + Sync);
 
-/// The files of a case with their hashes, sorted by path. Of a folder every file in it, of a manifest what it names. Links are followed.
-/// `data_set`: paths are relative to it.
+/// The files of a case with their hashes, sorted by path. Of a folder every file in it, of a manifest what it names; of a subject of BIDS
+/// also what is read of other data sets, of the derived ones `derivatives`. Links are followed. `data_set`: paths are relative to it.
 ///
 /// # Errors
 /// [`CohortError`]: an unreadable file or manifest, nothing at the case's path, more than a million files.
 pub fn of_case(
     case: &CohortCase,
-    data_set: &Path,
+    (data_set, derivatives): (&Path, &[PathBuf]),
     session_files: SessionFiles<'_>,
     progress: &Progress,
 ) -> Result<Vec<HashedFile>, CohortError> {
@@ -51,6 +51,10 @@ pub fn of_case(
     let mut files = BTreeSet::new();
     if metadata.is_dir() {
         walk(path, 0, &mut BTreeSet::new(), &mut files)?;
+        // What can't be chosen is an error of the case, said by its first step.
+        if !has_manifest(path) {
+            files.extend(files_of_other_data_sets(path, derivatives, progress).unwrap_or_default());
+        }
         let manifests: Vec<PathBuf> = files
             .iter()
             .filter(|file| file.file_name().is_some_and(|name| name == "case.toml"))
@@ -142,7 +146,7 @@ mod tests {
         std::os::unix::fs::symlink(at("case"), at("case/deep/back")).unwrap();
         let case = CohortCase { label: "case".into(), path: at("case"), history: None };
         let no_session = |_: &Path| -> Result<Vec<PathBuf>, CohortError> { Ok(Vec::new()) };
-        let files = of_case(&case, folder.path(), &no_session, &Progress::new()).unwrap();
+        let files = of_case(&case, (folder.path(), &[]), &no_session, &Progress::new()).unwrap();
         let of = |name: &str| files.iter().find(|file| file.path.ends_with(name)).unwrap();
         // Of the empty text and of "abc": FIPS 180-2.
         assert_eq!(of("m.nii").sha256, "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855");
@@ -153,7 +157,8 @@ mod tests {
         assert_eq!((of("gone.nii").sha256.as_str(), of("case/deep/x").bytes), ("", 3));
         assert_eq!(files.len(), 4, "{files:?}");
         let gone = CohortCase { path: at("nothing"), ..case };
-        let error = of_case(&gone, folder.path(), &no_session, &Progress::new()).unwrap_err().to_string();
+        let error =
+            of_case(&gone, (folder.path(), &[]), &no_session, &Progress::new()).unwrap_err().to_string();
         assert!(error.contains("expected a folder, manifest"), "{error}");
     }
 }

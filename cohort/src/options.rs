@@ -1,5 +1,7 @@
 //! What is computed of every case, and how.
 
+use std::path::PathBuf;
+
 use serde::{Deserialize, Serialize};
 use strum::{Display, IntoStaticStr, VariantArray};
 
@@ -52,6 +54,9 @@ pub struct Options {
     pub tau_mm: Option<f64>,
     /// Percentile of the robust Hausdorff distance.
     pub percentile: Option<f64>,
+    /// The masks with which all others are compared.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub references: Vec<String>,
     /// Which lesions the convention of BraTS joins and leaves out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tumor: Option<String>,
@@ -67,6 +72,9 @@ pub struct Options {
     /// Whether the movement of lesions' surfaces is reported.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub surface: bool,
+    /// The derived data sets of BIDS whose masks the images have.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub derivatives: Vec<PathBuf>,
     /// Further arguments by which every command reads the case.
     pub case_arguments: Vec<String>,
     /// Pictures are drawn without a graphics card.

@@ -97,7 +97,7 @@ impl Summary {
 }
 
 /// Why a case without masks fails: nothing was compared, and whoever reads the tables should know.
-const NO_MASK: &str = "found no mask, expected one at least (masks of a BIDS data set lie in derivatives/NAME: give that folder)";
+const NO_MASK: &str = "found no mask, expected one at least (--derivatives NAME takes those in derivatives/NAME of a BIDS data set)";
 
 /// What all cases of a run have in common.
 struct Run<'a> {
@@ -214,7 +214,8 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 impl Run<'_> {
     fn case(&self, case: &CohortCase, memory_mb: Option<u64>) -> Result<Tried, CohortError> {
         let Some(lock) = self.place.lock_case(&case.label)? else { return Ok(Tried::Busy) };
-        let hashed = of_case(case, &self.data_set, self.session_files, self.progress);
+        let hashed =
+            of_case(case, (&self.data_set, &self.options.derivatives), self.session_files, self.progress);
         let (inputs, unreadable) = match hashed {
             Ok(inputs) => (inputs, None),
             Err(CohortError::Cancelled(cancelled)) => return Err(cancelled.into()),

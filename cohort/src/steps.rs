@@ -27,7 +27,8 @@ impl StepCommand {
     fn new(step: Step, output: impl Into<String>, case: &CohortCase, options: &Options, word: &str) -> Self {
         let mut arguments: Vec<OsString> = vec![word.into(), case.path.clone().into()];
         arguments.extend(options.case_arguments.iter().map(OsString::from));
-        Self { step, output: output.into(), answers: true, arguments }
+        let command = Self { step, output: output.into(), answers: true, arguments };
+        options.derivatives.iter().fold(command, |command, set| command.with("derivatives", Some(set)))
     }
 
     fn with(mut self, name: &str, value: Option<impl AsRef<std::ffi::OsStr>>) -> Self {
@@ -51,13 +52,14 @@ pub fn first(case: &CohortCase, options: &Options) -> StepCommand {
     let has_metrics = options.compute.contains(&Step::Metrics);
     let number = |value: Option<f64>| value.filter(|_| has_metrics).map(|value| value.to_string());
     let step = if has_metrics { Step::Metrics } else { Step::Measure };
-    StepCommand::new(step, MEASURE, case, options, "measure")
+    let references = options.references.iter().filter(|_| has_metrics);
+    let command = StepCommand::new(step, MEASURE, case, options, "measure")
         .flag("metrics", has_metrics)
         .with("convention", options.convention.as_ref().filter(|_| has_metrics))
         .with("tau", number(options.tau_mm))
         .with("percentile", number(options.percentile))
-        .with("tumor", options.tumor.as_ref().filter(|_| has_metrics))
-        .flag("json", true)
+        .with("tumor", options.tumor.as_ref().filter(|_| has_metrics));
+    references.fold(command, |command, id| command.with("reference", Some(id))).flag("json", true)
 }
 
 /// The other processes of a case with these dates, in their order.
@@ -130,10 +132,12 @@ mod tests {
             of: vec!["-m".into(), "n".into()],
             criteria: Some("rano-2.0".into()),
             tumor: Some("metastases".into()),
+            references: vec!["-r".into()],
             assessment: Some("mixed".into()),
             non_enhancing: vec!["F".into(), "G".into()],
             image: Some("PET".into()),
             surface: true,
+            derivatives: vec!["nnunet".into()],
             tau_mm: Some(2.0),
             case_arguments: vec!["--one-space".into()],
             ..Options::default()
@@ -148,19 +152,25 @@ mod tests {
         };
         assert_eq!(
             words(&first(&case, &options)),
-            "measure /x/a --one-space --metrics --tau=2 --tumor=metastases --json"
+            "measure /x/a --one-space --derivatives=nnunet --metrics --tau=2 --tumor=metastases --reference=-r --json"
         );
         let dates = ["1".to_owned(), "2".to_owned(), "3".to_owned()];
         let commands = others(&case, &options, &dates);
         let of = |output: &str| words(commands.iter().find(|command| command.output == output).unwrap());
-        assert_eq!(of("change-3.json"), "change /x/a --one-space --of=-m --from=2 --to=3 --json");
+        assert_eq!(
+            of("change-3.json"),
+            "change /x/a --one-space --derivatives=nnunet --of=-m --from=2 --to=3 --json"
+        );
         assert_eq!(
             of("response-2.json"),
-            "response /x/a --one-space --criteria=rano-2.0 --assessment=mixed --history=/x/h.toml --non-enhancing=F,G --of=n \
+            "response /x/a --one-space --derivatives=nnunet --criteria=rano-2.0 --assessment=mixed --history=/x/h.toml --non-enhancing=F,G --of=n \
              --json"
         );
-        assert_eq!(of("lesions-2.json"), "lesions /x/a --one-space --image=PET --surface --of=n --json");
-        assert_eq!(of("pictures"), "report /x/a --one-space --out=pictures");
+        assert_eq!(
+            of("lesions-2.json"),
+            "lesions /x/a --one-space --derivatives=nnunet --image=PET --surface --of=n --json"
+        );
+        assert_eq!(of("pictures"), "report /x/a --one-space --derivatives=nnunet --out=pictures");
         assert!(commands.iter().all(|command| command.answers || !command.output.ends_with(".json")));
         let plain = Options {
             compute: vec![Step::Change],

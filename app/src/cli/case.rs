@@ -12,7 +12,7 @@ use glioscope_core::{
     files::{DEFAULT_MAX_BYTES, format::volume_names},
 };
 
-use super::{register::ModelArgument, terminal};
+use super::{parse, register::ModelArgument, terminal};
 use crate::{
     error::AppError,
     model::{CaseRef, session},
@@ -58,6 +58,10 @@ pub struct MaskArguments {
     /// All files lie in one space, though they state several frames of reference.
     #[arg(long)]
     pub one_space: bool,
+    /// Of a subject's folder of BIDS: the derived data set whose masks belong to its images, by its name in derivatives/ or a path
+    /// with a /. Repeat for more, or none. Default: the only one that has any of the subject, where that has no masks itself.
+    #[arg(long, value_name = "NAME", value_parser = parse::derived)]
+    pub derivatives: Vec<PathBuf>,
     /// Maximum bytes of voxels that a file may declare, and maximum size of a tract file in bytes.
     #[arg(long, value_name = "BYTES", default_value_t = DEFAULT_MAX_BYTES)]
     pub max_bytes: u64,
@@ -107,6 +111,7 @@ impl CaseArguments {
             order: self.parts.order.clone(),
             alignments: self.parts.transforms.clone(),
             one_space: self.parts.one_space,
+            derivatives: self.parts.derivatives.clone(),
         }
     }
 

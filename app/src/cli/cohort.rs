@@ -12,6 +12,7 @@ use glioscope_cohort::{
     group, rank, run as compute,
 };
 use glioscope_core::{
+    case::derived_data_set,
     measure::conventions::Convention,
     response::{Assessment, Criterion},
 };
@@ -52,23 +53,27 @@ pub struct CohortArguments {
     #[arg(value_enum)]
     pub level: Level,
     /// These cases alone, with or without "sub-".
-    #[arg(long, value_name = "LABEL", num_args = 1..)]
+    #[arg(long, alias = "participant_label", value_name = "LABEL", num_args = 1..)]
     pub participant_label: Vec<String>,
     /// Cases that are computed at a time; default: as many as the memory holds, at most one for each core.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=4096))]
+    #[arg(long, alias = "n_procs", value_name = "N", value_parser = clap::value_parser!(u16).range(1..=4096))]
     pub n_procs: Option<u16>,
     /// Memory of all processes together, in MB: fewer run at a time, and a case that needs more than its share is computed again alone.
-    #[arg(long, value_name = "MB", value_parser = clap::value_parser!(u64).range(64..))]
+    #[arg(long, alias = "mem_mb", value_name = "MB", value_parser = clap::value_parser!(u64).range(64..))]
     pub mem_mb: Option<u64>,
     /// Where cases are made before they are copied to OUT: a disk of the node.
-    #[arg(short = 'w', long, value_name = "FOLDER")]
+    #[arg(short = 'w', long, alias = "work_dir", value_name = "FOLDER")]
     pub work_dir: Option<PathBuf>,
     /// Print the labels of the cases, one on each line, and do nothing else.
     #[arg(long)]
     pub list: bool,
     /// Don't ask for the description of a BIDS data set.
-    #[arg(long)]
+    #[arg(long, alias = "skip_bids_validation")]
     pub skip_bids_validation: bool,
+    /// Of a raw BIDS data set: the derived ones whose masks belong to its images, by their names in derivatives/ or paths with a /, or
+    /// none. Default: in each case the only one that has any of the subject, where it has no masks itself.
+    #[arg(long, value_name = "NAME", num_args = 1.., value_parser = parse::derived)]
+    pub derivatives: Vec<PathBuf>,
     /// What is computed of every case; measure always is.
     #[arg(long, value_name = "WHAT,...", value_delimiter = ',', default_value = "measure", value_parser = keyword::<Step>())]
     pub compute: Vec<Step>,
@@ -111,10 +116,12 @@ pub struct CohortArguments {
     /// Draw with the software graphics adapter alone.
     #[arg(long)]
     pub software: bool,
-    /// Group: rank the other masks by their agreement with this one.
+    /// Group: rank the other masks by their agreement with this one; repeated: with these parts of one reference (ref-WT, ref-TC), each by the
+    /// masks of that part. Participant: compare them with it, as the first of its pairs; what isn't the same both ways is ranked by such
+    /// results alone.
     #[arg(long, value_name = "ID")]
-    pub reference: Option<String>,
-    /// Group: the metrics of the ranking.
+    pub reference: Vec<String>,
+    /// Group: the metrics of the ranking: docs/cohort.md.
     #[arg(
         long,
         value_name = "METRIC,...",
@@ -151,6 +158,8 @@ impl CohortArguments {
             non_enhancing: self.non_enhancing.clone(),
             image: self.image.clone(),
             surface: self.surface,
+            references: self.reference.clone(),
+            derivatives: self.derivatives.clone(),
             case_arguments: register.into_iter().chain(one_space).collect(),
             software: self.software,
         }
@@ -193,6 +202,9 @@ pub(super) fn run(arguments: &CohortArguments) -> Result<(), AppError> {
 
 fn participant(arguments: &CohortArguments, cases: &[CohortCase]) -> Result<(), AppError> {
     let (options, resources) = (arguments.options(), arguments.resources()?);
+    for derived in &arguments.derivatives {
+        derived_data_set(&arguments.input, derived)?;
+    }
     if options.compute.contains(&Step::Response)
         && options.criteria.is_none()
         && let Some(case) = cases.iter().find(|case| case.history.is_none())
@@ -287,13 +299,13 @@ fn duration(duration: Duration) -> String {
 }
 
 fn grouped(arguments: &CohortArguments, cases: &[CohortCase]) -> Result<(), AppError> {
-    let unknown = arguments.rank_by.iter().find(|metric| rank::more_is_better(metric).is_none());
-    if let Some(metric) = unknown.filter(|_| arguments.reference.is_some()) {
+    let unknown = arguments.rank_by.iter().find(|metric| rank::ranked_metric(metric).is_none());
+    if let Some(metric) = unknown.filter(|_| !arguments.reference.is_empty()) {
         return Err(AppError::option("rank-by", metric, rank::ranked_metrics()));
     }
     let metrics = arguments.rank_by.clone();
-    let ranking =
-        arguments.reference.clone().map(|reference| Ranking { reference, metrics, seed: arguments.seed });
+    let references = arguments.reference.clone();
+    let ranking = (!references.is_empty()).then_some(Ranking { references, metrics, seed: arguments.seed });
     let place = Place::open(&arguments.out, &arguments.input)?;
     let version = env!("CARGO_PKG_VERSION");
     let grouped =

@@ -64,6 +64,10 @@ pub struct MeasureArguments {
     /// Tolerance of the surface Dice; default: 1.
     #[arg(long, value_name = "MM", value_parser = parse::within(0.0..=1000.0), requires = "metrics", allow_hyphen_values = true)]
     pub tau: Option<f64>,
+    /// A mask with which all others are compared: the first of its pairs. Repeat for more. Without it the mask that the case lists
+    /// first.
+    #[arg(long, value_name = "ID", requires = "metrics")]
+    pub reference: Vec<String>,
     /// Percentile of the robust Hausdorff distance; default: 95.
     #[arg(long, value_name = "P", value_parser = parse::within(0.0..=100.0), requires = "metrics", allow_hyphen_values = true)]
     pub percentile: Option<f64>,
@@ -109,9 +113,18 @@ pub(super) fn run(arguments: &MeasureArguments) -> Result<(), AppError> {
         true => Some(terminal::with_progress(|progress| measure::statistics(&case, progress))?),
         false => None,
     };
+    let references = &arguments.reference;
+    let has = |id: &str| case.time_points.iter().flat_map(|t| &t.masks).any(|mask| mask.mask.id() == id);
+    for id in references.iter().filter(|id| !has(id)) {
+        // No error: in a cohort some cases may lack it.
+        terminal::warning(
+            "reference",
+            &format!("--reference: found no mask {id}, expected one of the case; pairs stay as listed"),
+        );
+    }
     let compared = match arguments.metrics {
         true => Some(terminal::with_progress(|progress| {
-            measure::compared(&case, &arguments.settings(), progress)
+            measure::compared(&case, references, &arguments.settings(), progress)
         })?),
         false => None,
     };

@@ -1,9 +1,13 @@
 //! Parsers of option values. Their errors state what was expected; [`super::one_line`] adds the rest of the message.
 
-use std::{ops::RangeInclusive, path::PathBuf};
+use std::{
+    ops::RangeInclusive,
+    path::{Path, PathBuf},
+};
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use glam::DVec3;
+use glioscope_core::files::absolute;
 use glioscope_render::{ClipPlane, Lens, MutualOcclusion, TransferPreset};
 use strum::VariantArray;
 
@@ -92,6 +96,16 @@ pub fn lamp(text: &str) -> Result<[f64; 2], String> {
     numbers(text)
         .filter(within)
         .ok_or_else(|| "AZIMUTH,ELEVATION in degrees, -360 to 360 and -90 to 90".into())
+}
+
+/// A derived data set of BIDS: one word is its name, anything else its path, made absolute.
+pub fn derived(text: &str) -> Result<PathBuf, String> {
+    let path = Path::new(text);
+    match path.components().count() {
+        0 => Err("a name in derivatives/, a path with a /, or none".into()),
+        1 if !path.is_absolute() => Ok(path.to_owned()),
+        _ => Ok(absolute(path)),
+    }
 }
 
 /// A point, world millimetres.

@@ -43,6 +43,7 @@ pub enum AppCommand {
     SaveSessionTo(PathBuf),
     CancelLoading,
     OpenFiles(Vec<PathBuf>),
+    OpenSubject { folder: PathBuf, derivatives: Vec<PathBuf> },
     ShowCaseFiles,
     AcceptGuess(bool),
     OrderDates(Option<Vec<String>>),
@@ -177,6 +178,7 @@ impl AppCommand {
             | AppKind::SaveSessionTo
             | AppKind::CancelLoading
             | AppKind::OpenFiles
+            | AppKind::OpenSubject
             | AppKind::AcceptGuess
             | AppKind::OrderDates
             | AppKind::SaveTransferTo
@@ -248,6 +250,7 @@ impl AppCommand {
             Self::SaveSessionTo(_) => Label::new("Save the session here"),
             Self::CancelLoading => Label::new("Cancel loading"),
             Self::OpenFiles(_) => Label::new("Open these files as one case"),
+            Self::OpenSubject { .. } => Label::new("Open this subject with masks of derived data sets"),
             Self::ShowCaseFiles => Label::new("Case files…")
                 .detail("What each file of the open case is: image or mask, its id, date, labels and colour"),
             Self::OrderDates(Some(_)) => Label::new("Use this order"),

@@ -284,6 +284,12 @@ impl Workstation {
         self.start(Request { case, tracts, options, ..Request::default() }, wake);
     }
 
+    /// Starts opening a subject's folder of BIDS with the masks of these derived data sets.
+    pub fn open_subject(&mut self, folder: PathBuf, derivatives: Vec<PathBuf>, wake: Waker) {
+        let options = LoadOptions { derivatives, ..self.limits() };
+        self.start(Request { case: CaseRef::Path(folder), options, ..Request::default() }, wake);
+    }
+
     /// Starts opening files and folders as one case.
     pub fn open_files(&mut self, files: Vec<PathBuf>, wake: Waker) {
         let options = self.limits();
@@ -690,6 +696,7 @@ mod tests {
             order: vec!["b".into(), "a".into()],
             alignments: vec![case::Alignment::from_argument("T1=a.tfm").unwrap()],
             one_space: true,
+            derivatives: vec!["nnunet".into()],
         };
         let first = Workstation { options: options.clone(), ..Workstation::default() };
         assert_eq!(first.options_for(&CaseRef::Sample), options);

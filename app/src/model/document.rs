@@ -315,6 +315,9 @@ pub struct Document {
     /// Whether the user said that all files lie in one space, whatever frames of reference they state.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub one_space: bool,
+    /// The derived data sets of BIDS that the user named: see [`LoadOptions::derivatives`].
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub derivatives: Vec<PathBuf>,
     /// State that undo covers.
     pub edit: Edit,
     /// State that undo doesn't cover.
@@ -366,9 +369,9 @@ pub fn tumor_radius_mm(time_point: &TimePoint) -> f64 {
 impl Document {
     /// Whether `other` is of the same case, read alike, with the same content.
     pub fn same_work(&self, other: &Self) -> bool {
-        let Self { case, tracts, order, case_grid, one_space, edit, nav: _ } = self;
+        let Self { case, tracts, order, case_grid, one_space, derivatives, edit, nav: _ } = self;
         (case, tracts, order, case_grid) == (&other.case, &other.tracts, &other.order, &other.case_grid)
-            && *one_space == other.one_space
+            && (*one_space, derivatives) == (other.one_space, &other.derivatives)
             && edit.same_work(&other.edit)
     }
 
@@ -388,6 +391,7 @@ impl Document {
             order: Vec::new(),
             case_grid: None,
             one_space: false,
+            derivatives: Vec::new(),
             edit: Edit {
                 selection: HiddenRegions::none(),
                 lens_on: time_point.regions.union_voxels() > 0,
@@ -453,6 +457,7 @@ impl Document {
         self.tracts = tracts;
         self.edit.alignments.clone_from(&options.alignments);
         self.one_space = options.one_space;
+        self.derivatives.clone_from(&options.derivatives);
         self.order.clone_from(&options.order);
         self.case_grid = match &options.case_grid {
             CaseGridChoice::FinestMask => None,

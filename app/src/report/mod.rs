@@ -151,7 +151,7 @@ pub fn make(
     let words = words(options.language);
     let redactor = Redactor::new(case, options.identity, words.get("removed"));
     let (changes, own) = changes(case, doc, progress)?;
-    let compared = measure::compared(case, &doc.edit.agreement.settings(), progress)?;
+    let compared = measure::compared(case, &[], &doc.edit.agreement.settings(), progress)?;
     let lesions = doc.edit.lesions.report(case, &doc.edit.change, progress)?.map(Arc::new);
     let own_response = match response {
         Some(_) => None,

@@ -25,11 +25,15 @@ impl GlioscopeApp {
     pub(super) fn open_cohort_case(&mut self, ctx: &Context, case: &str) {
         let Some(collected) = self.results.cohort.last() else { return };
         match collected.source(case) {
-            Ok(path) => {
+            Ok((path, derivatives)) => {
                 if let Some(reading) = self.work.cohort.as_mut().and_then(|open| open.reading.as_mut()) {
                     reading.current = Some((case.to_owned(), path.clone()));
                 }
-                self.perform(ctx, &open_command(path), Instant::now());
+                let command = match derivatives.is_empty() {
+                    true => open_command(path),
+                    false => AppCommand::OpenSubject { folder: path, derivatives }.into(),
+                };
+                self.perform(ctx, &command, Instant::now());
             }
             Err(error) => self.work.error = Some(error.into()),
         }

@@ -88,6 +88,9 @@ impl GlioscopeApp {
         let wake = Waker::of(ctx);
         match command {
             AppCommand::Open(case) => self.work.open(case.clone(), Vec::new(), wake),
+            AppCommand::OpenSubject { folder, derivatives } => {
+                self.work.open_subject(folder.clone(), derivatives.clone(), wake);
+            }
             AppCommand::OpenFiles(files) => self.work.open_files(files.clone(), wake),
             AppCommand::OpenSample => self.work.open(CaseRef::Sample, Vec::new(), wake),
             AppCommand::OpenSession(path) => self.work.open_session(path, &[], wake),
@@ -189,7 +192,7 @@ fn name_of(command: &AppCommand) -> Option<String> {
     let path = match command {
         AppCommand::OpenSample | AppCommand::Open(CaseRef::Sample) => return Some("the sample".to_owned()),
         AppCommand::Open(CaseRef::Path(path)) | AppCommand::OpenSession(path) => path,
-        AppCommand::Open(CaseRef::Files { folder, .. }) => folder,
+        AppCommand::Open(CaseRef::Files { folder, .. }) | AppCommand::OpenSubject { folder, .. } => folder,
         _ => return None,
     };
     Some(format!("“{}”", path.file_name()?.to_string_lossy()))

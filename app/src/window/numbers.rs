@@ -59,7 +59,7 @@ impl Shown {
         let Self { case, doc, .. } = self;
         let agreement = &doc.edit.agreement;
         let settings = agreement.settings();
-        let compared = measure::compared(case, &settings, progress)?;
+        let compared = measure::compared(case, &[], &settings, progress)?;
         // What can't be compared is said in its pane.
         let two = agreement.two.iter().filter_map(|two| compare_two(case, two, &settings, progress).ok());
         let two: Vec<_> = two.collect();

@@ -107,6 +107,7 @@ impl GlioscopeApp {
             }
             AppCommand::Open(_)
             | AppCommand::OpenFiles(_)
+            | AppCommand::OpenSubject { .. }
             | AppCommand::OpenSample
             | AppCommand::OpenSession(_) => {
                 if !self.asks_before(command) {

@@ -57,8 +57,11 @@ impl Request {
     /// them open.
     pub fn of_session(session: Session, tracts: &[PathBuf], given: &LoadOptions) -> Self {
         let mut options = given.clone();
-        let Document { case, order, case_grid, one_space, .. } = &session.document;
+        let Document { case, order, case_grid, one_space, derivatives, .. } = &session.document;
         options.one_space |= one_space;
+        if options.derivatives.is_empty() {
+            options.derivatives.clone_from(derivatives);
+        }
         if options.order.is_empty() {
             options.order.clone_from(order);
         }

@@ -15,30 +15,74 @@ pub use bootstrap::{Interval, interval};
 pub use holm::corrected;
 pub use wilcoxon::{Method, SignedRank, signed_rank};
 
-/// Whether more is better, for metrics that don't change when the two masks change places; others aren't ranked: what the reference
-/// is would matter.
-const SYMMETRIC: [(&str, bool); 8] = [
-    ("dice", true),
-    ("jaccard", true),
-    ("volume_similarity", true),
-    ("kappa", true),
-    ("nsd", true),
-    ("assd_mm", false),
-    ("masd_mm", false),
-    ("hd_mm", false),
+/// Which values of a metric are better.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Better {
+    /// Larger ones.
+    More,
+    /// Smaller ones.
+    Less,
+    /// Those nearer to 0, whatever their sign.
+    NearZero,
+}
+
+impl Better {
+    /// What of a value is ranked and tested: its size, where its sign says nothing.
+    pub fn of(self, value: f64) -> f64 {
+        if self == Self::NearZero { value.abs() } else { value }
+    }
+}
+
+/// How a metric ranks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RankedMetric {
+    /// Which values are better.
+    pub better: Better,
+    /// Whether it changes when the two masks change places: the reference must then be the first of a pair.
+    pub is_directed: bool,
+}
+
+const fn same_both_ways(better: Better) -> RankedMetric {
+    RankedMetric { better, is_directed: false }
+}
+
+const fn directed(better: Better) -> RankedMetric {
+    RankedMetric { better, is_directed: true }
+}
+
+/// The metrics that rank, by their keys in the table of pairs.
+const RANKED: [(&str, RankedMetric); 18] = [
+    ("dice", same_both_ways(Better::More)),
+    ("jaccard", same_both_ways(Better::More)),
+    ("volume_similarity", same_both_ways(Better::More)),
+    ("kappa", same_both_ways(Better::More)),
+    ("nsd", same_both_ways(Better::More)),
+    ("assd_mm", same_both_ways(Better::Less)),
+    ("masd_mm", same_both_ways(Better::Less)),
+    ("hd_mm", same_both_ways(Better::Less)),
+    ("sensitivity", directed(Better::More)),
+    ("precision", directed(Better::More)),
+    ("relative_volume_difference", directed(Better::NearZero)),
+    ("lesions_f1", directed(Better::More)),
+    ("lesions_sq", directed(Better::More)),
+    ("lesions_pq", directed(Better::More)),
+    ("lesions_dice", directed(Better::More)),
+    ("lesions_hd_percentile_mm", directed(Better::Less)),
+    ("lesions_missed", directed(Better::Less)),
+    ("lesions_false_positives", directed(Better::Less)),
 ];
 
-/// Whether more of a metric is better; `None` for those that aren't ranked. Every percentile of the Hausdorff distance is (`hd95_mm`).
-pub fn more_is_better(metric: &str) -> Option<bool> {
+/// How a metric ranks; `None` for those that don't. Every percentile of the Hausdorff distance does (`hd95_mm`).
+pub fn ranked_metric(metric: &str) -> Option<RankedMetric> {
     let of_percentile = metric.strip_prefix("hd").and_then(|rest| rest.strip_suffix("_mm"));
     let is_percentile = of_percentile.is_some_and(|p| !p.is_empty() && p.parse::<f64>().is_ok());
-    let known = SYMMETRIC.iter().find(|(key, _)| *key == metric).map(|(_, more)| *more);
-    known.or_else(|| is_percentile.then_some(false))
+    let known = RANKED.iter().find(|(key, _)| *key == metric).map(|(_, ranked)| *ranked);
+    known.or_else(|| is_percentile.then_some(same_both_ways(Better::Less)))
 }
 
 /// Keys of the metrics that are ranked.
 pub fn ranked_metrics() -> String {
-    let keys: Vec<&str> = SYMMETRIC.iter().map(|(key, _)| *key).collect();
+    let keys: Vec<&str> = RANKED.iter().map(|(key, _)| *key).collect();
     format!("{}, hdP_mm of a percentile P", keys.join(", "))
 }
 
@@ -76,12 +120,12 @@ impl Values {
     }
 
     /// The ranks of every one of `algorithms` in each case that has any value.
-    pub fn ranks(&self, algorithms: &[&str], more_is_better: bool) -> Vec<Ranks> {
+    pub fn ranks(&self, algorithms: &[&str], better: Better) -> Vec<Ranks> {
         let mut by_case: BTreeMap<&str, Vec<Vec<(f64, bool)>>> = BTreeMap::new();
         for ((case, _), values) in &self.values {
             let of = |algorithm: &&str| values.get(*algorithm).copied().flatten();
             let values: Vec<Option<f64>> = algorithms.iter().map(of).collect();
-            let ranks = ranks_within(&values, more_is_better);
+            let ranks = ranks_within(&values, better);
             let is_undefined = values.iter().map(Option::is_none);
             by_case.entry(case).or_default().push(ranks.into_iter().zip(is_undefined).collect());
         }
@@ -112,12 +156,12 @@ impl Values {
 }
 
 /// Ranks of values, 1 is best; equals share the mean of their ranks, those without a value are last and tie.
-pub fn ranks_within(values: &[Option<f64>], more_is_better: bool) -> Vec<f64> {
+pub fn ranks_within(values: &[Option<f64>], better: Better) -> Vec<f64> {
     let worst = f64::INFINITY;
     let key = |value: &Option<f64>| match value {
         // Undefined is worse than infinitely far.
         None => (1, worst),
-        Some(value) => (0, if more_is_better { -value } else { *value }),
+        Some(value) => (0, if better == Better::More { -value } else { better.of(*value) }),
     };
     let keys: Vec<(u8, f64)> = values.iter().map(key).collect();
     let is_less = |a: &(u8, f64), b: &(u8, f64)| a.0 < b.0 || (a.0 == b.0 && a.1 < b.1);
@@ -136,9 +180,16 @@ mod tests {
     #[test]
     fn ties_share_ranks_and_what_is_undefined_is_last() {
         // scipy.stats.rankdata of the negated values, where all are defined.
-        assert_eq!(ranks_within(&[Some(0.9), Some(0.7), Some(0.9), Some(0.8)], true), [1.5, 4.0, 1.5, 3.0]);
-        assert_eq!(ranks_within(&[None, Some(f64::INFINITY), Some(2.0), None], false), [3.5, 2.0, 1.0, 3.5]);
-        assert_eq!(ranks_within(&[Some(f64::INFINITY); 2], false), [1.5, 1.5]);
+        assert_eq!(
+            ranks_within(&[Some(0.9), Some(0.7), Some(0.9), Some(0.8)], Better::More),
+            [1.5, 4.0, 1.5, 3.0]
+        );
+        assert_eq!(
+            ranks_within(&[None, Some(f64::INFINITY), Some(2.0), None], Better::Less),
+            [3.5, 2.0, 1.0, 3.5]
+        );
+        assert_eq!(ranks_within(&[Some(f64::INFINITY); 2], Better::Less), [1.5, 1.5]);
+        assert_eq!(ranks_within(&[Some(-0.2), Some(0.1), Some(0.2)], Better::NearZero), [2.5, 1.0, 2.5]);
     }
 
     #[test]
@@ -150,7 +201,7 @@ mod tests {
         }
         values.add("3", "x", "b", Some(0.1));
         let algorithms: Vec<&str> = values.algorithms().collect();
-        let ranks = values.ranks(&algorithms, true);
+        let ranks = values.ranks(&algorithms, Better::More);
         let of = |n: usize| ranks[n].by_case.values().copied().collect::<Vec<f64>>();
         assert_eq!((of(0), ranks[0].undefined), (vec![1.5, 1.0, 2.0], 1));
         assert_eq!((of(1), ranks[1].undefined), (vec![1.5, 2.0, 1.0], 0));
@@ -162,12 +213,11 @@ mod tests {
     }
 
     #[test]
-    fn only_symmetric_metrics_are_ranked() {
-        assert_eq!(more_is_better("dice"), Some(true));
-        assert_eq!((more_is_better("hd95_mm"), more_is_better("hd97.5_mm")), (Some(false), Some(false)));
-        assert_eq!(
-            (more_is_better("sensitivity"), more_is_better("hdx_mm"), more_is_better("hd_mm")),
-            (None, None, Some(false))
-        );
+    fn metrics_rank_by_what_is_better_and_some_need_the_reference_first() {
+        assert_eq!(ranked_metric("dice"), Some(same_both_ways(Better::More)));
+        assert_eq!(ranked_metric("hd_mm"), Some(same_both_ways(Better::Less)));
+        assert_eq!([ranked_metric("hd95_mm"), ranked_metric("hd97.5_mm")], [ranked_metric("hd_mm"); 2]);
+        assert_eq!(ranked_metric("sensitivity"), Some(directed(Better::More)));
+        assert_eq!([ranked_metric("hdx_mm"), ranked_metric("lesions_ignored")], [None, None]);
     }
 }

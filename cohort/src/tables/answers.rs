@@ -122,22 +122,32 @@ fn metrics(pair: &Value) -> Vec<(String, Option<f64>)> {
     all
 }
 
-/// A value of a pair that has a mask and a reference: date, mask, metric, value.
-pub(crate) type PairValue = (String, String, String, Option<f64>);
+/// A value of a pair that has a mask and a reference.
+#[derive(Debug, PartialEq)]
+pub(crate) struct PairValue {
+    pub date: String,
+    pub mask: String,
+    pub metric: String,
+    pub value: Option<f64>,
+    /// Whether the reference is the first of the pair, with which the other was compared.
+    pub is_reference_first: bool,
+}
 
 /// The values of `metrics` between `reference` and every other mask, from the answer of the first step.
 pub(crate) fn pair_values(answer: &Value, reference: &str, wanted: &[String]) -> Vec<PairValue> {
     let mut found = Vec::new();
     for time in list(answer, "time_points") {
         for pair in list(time, "pairs") {
-            let other = match [&pair["a"], &pair["b"]].map(|id| id.as_str().unwrap_or_default()) {
-                [a, b] if a == reference => b,
-                [a, b] if b == reference => a,
-                _ => continue,
-            };
+            let (mask, is_reference_first) =
+                match [&pair["a"], &pair["b"]].map(|id| id.as_str().unwrap_or_default()) {
+                    [a, b] if a == reference => (b, true),
+                    [a, b] if b == reference => (a, false),
+                    _ => continue,
+                };
             let date = time["time"].as_str().unwrap_or_default();
             for (metric, value) in metrics(pair).into_iter().filter(|(metric, _)| wanted.contains(metric)) {
-                found.push((date.to_owned(), other.to_owned(), metric, value));
+                let (date, mask) = (date.to_owned(), mask.to_owned());
+                found.push(PairValue { date, mask, metric, value, is_reference_first });
             }
         }
     }
@@ -244,7 +254,9 @@ mod tests {
         let wanted = ["dice".to_owned()];
         for reference in ["ref", "x"] {
             let other = if reference == "x" { "ref" } else { "x" };
-            let expected = ("t".to_owned(), other.to_owned(), "dice".to_owned(), Some(0.0));
+            let [date, mask, metric] = ["t", other, "dice"].map(str::to_owned);
+            let is_reference_first = reference == "ref";
+            let expected = PairValue { date, mask, metric, value: Some(0.0), is_reference_first };
             assert_eq!(pair_values(&answer, reference, &wanted), [expected]);
         }
         assert!(pair_values(&answer, "y", &wanted).is_empty());

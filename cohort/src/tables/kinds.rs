@@ -206,9 +206,9 @@ pub const KINDS: &[Kind] = &[
         name: "ranks",
         about: "the rank of a mask among those compared with the reference; with --reference",
         columns: &[
-            text("reference", "id of the reference"),
-            text("metric", "key of the metric; all: the mean over metrics"),
-            text("mask", "id of the mask"),
+            text("reference", "id of the reference; of all, with several parts, what their ids begin with"),
+            text("metric", "key of the metric; all: the mean over metrics and the reference's parts"),
+            text("mask", "id of the mask; of all, with several parts, without the part"),
             whole("cases", "number of cases"),
             whole("undefined", "cases in which its value is undefined or it is missing: ranked last"),
             number(
@@ -231,7 +231,11 @@ pub const KINDS: &[Kind] = &[
             text("b", "id of the second mask"),
             whole("cases", "cases in which both values are defined"),
             whole("differing", "those in which they differ"),
-            number("median_difference", "", "median of a's value minus b's over these cases"),
+            number(
+                "median_difference",
+                "",
+                "median of a's value minus b's over these cases; of relative_volume_difference by its size",
+            ),
             number("statistic", "", "the smaller of the two sums of ranks"),
             text("method", "exact, or normal: the approximation with ties corrected"),
             number("p", "", "two-sided probability; empty where nothing differs"),

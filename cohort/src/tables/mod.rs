@@ -7,7 +7,7 @@ mod write;
 
 use serde::Serialize;
 
-pub(crate) use answers::{pair_values, rows_of};
+pub(crate) use answers::{PairValue, pair_values, rows_of};
 pub(crate) use kinds::{CHANGES, FAILURES, LESIONS, MASKS, PAIRS, RANKS, REGIONS, RESPONSES, TESTS};
 pub use kinds::{Column, KINDS, Kind, Type};
 pub(crate) use read::{Names, Table, Values, read as read_table};

@@ -7,7 +7,7 @@ use std::{
 };
 
 use super::{
-    CaseError, CaseSpec, LoadOptions, Proposal, ProposedFile, Role, Scheme,
+    CaseError, CaseSpec, LoadOptions, Proposal, ProposedFile, Role, Scheme, bids,
     folder::{self, Listing},
     manifest::{self, folder_name, read_manifest},
     names::{self, Kind, ParsedName},
@@ -83,11 +83,15 @@ pub fn describe(path: &Path, options: &LoadOptions, progress: &Progress) -> Resu
     let expected =
         &format!("a case manifest (.toml), a folder or zip archive of {kind} files, or a {kind} file");
     let metadata = std::fs::metadata(path).map_err(|e| files::missing(path, &e, expected))?;
-    if metadata.is_dir() {
-        return match manifest_in(path)? {
-            Some(manifest) => Ok(Description::Stated(read_manifest(&manifest)?)),
-            None => Ok(Description::Proposed(guess_folder(path, options, progress)?)),
-        };
+    let manifest = if metadata.is_dir() { manifest_in(path)? } else { None };
+    if metadata.is_dir() && manifest.is_none() {
+        return Ok(Description::Proposed(guess_folder(path, options, progress)?));
+    }
+    if !options.derivatives.is_empty() {
+        return Err(bids::no_subject(path));
+    }
+    if let Some(manifest) = manifest {
+        return Ok(Description::Stated(read_manifest(&manifest)?));
     }
     let Some(name) = path.file_name().and_then(|name| name.to_str()).map(str::to_owned) else {
         return Err(wrong(path, "a name that is not UTF-8", "one that is"));
@@ -114,7 +118,7 @@ pub fn describe(path: &Path, options: &LoadOptions, progress: &Progress) -> Resu
         return Err(wrong(path, "a file of another kind", expected));
     }
     let listing = Listing { volumes: vec![PathBuf::from(&name)], ..Listing::default() };
-    let mut proposal = guess(folder, listing, name, options, progress)?;
+    let mut proposal = guess(folder, (listing, &[]), name, options, progress)?;
     if folder.as_os_str().is_empty() {
         // A bare name: the folder is kept, in sessions and with answers, where another one may be the current folder.
         proposal.folder = std::env::current_dir().unwrap_or_default();
@@ -203,8 +207,21 @@ fn manifest_in(folder: &Path) -> Result<Option<PathBuf>, CaseError> {
 
 fn guess_folder(folder: &Path, options: &LoadOptions, progress: &Progress) -> Result<Proposal, CaseError> {
     let listing = folder::list(folder, progress)?;
-    let mut proposal = guess_listed(folder, listing, options, progress)?;
+    let others = bids::partners(folder, &listing, &options.derivatives)?;
+    let mut proposal = if others.is_empty() || listing.volumes.is_empty() {
+        guess_listed(folder, listing, options, progress)?
+    } else {
+        let (root, listing, places) = others.join(folder, listing, progress)?;
+        let name = folder_name(&folder.join("x"));
+        guess(&root, (listing, &places), name, options, progress)?
+    };
     sessions::order_by_sessions(folder, &mut proposal);
+    for raw in others.raw() {
+        if proposal.order.is_empty() {
+            sessions::order_by_sessions(raw, &mut proposal);
+        }
+    }
+    proposal.notes.extend(others.notes);
     Ok(proposal.with_key(true))
 }
 
@@ -238,12 +255,16 @@ fn guess_listed(
         return Err(wrong(folder, found, &format!("a case.toml or {kind} files")));
     }
     let name = folder_name(&folder.join("x"));
-    guess(folder, listing, name, options, progress)
+    guess(folder, (listing, &[]), name, options, progress)
 }
 
 /// A file to be added to the case.
 struct Entry {
     path: PathBuf,
+    /// Its path within the folder from which on names tell of the case.
+    named_path: PathBuf,
+    /// Put before the id of a mask.
+    set: Option<String>,
     named: ParsedName,
     is_mask: bool,
     by_content: bool,
@@ -269,7 +290,8 @@ fn label_values(
 /// Assigns ids, unique within each kind and time: from the name's parts, else the whole name, else the path.
 fn assign_ids(entries: &mut [Entry]) {
     for e in entries.iter_mut() {
-        e.id = names::id(&e.named, e.is_mask);
+        let id = names::id(&e.named, e.is_mask);
+        e.id = e.set.iter().filter(|_| e.is_mask).map(|set| format!("{set}-")).chain([id]).collect();
     }
     let clashes = |entries: &[Entry]| -> Vec<usize> {
         let same =
@@ -301,8 +323,8 @@ fn assign_times(entries: &mut Vec<Entry>, notes: &mut Vec<Check>) -> Times {
     let mut doubt = None;
     if entries.iter().all(|e| e.named.time.is_none()) {
         let top = |e: &Entry| {
-            let mut parts = e.path.iter().filter_map(|p| p.to_str());
-            parts.next().filter(|_| e.path.components().count() > 1).map(str::to_owned)
+            let mut parts = e.named_path.iter().filter_map(|p| p.to_str());
+            parts.next().filter(|_| e.named_path.components().count() > 1).map(str::to_owned)
         };
         let folders: Option<Vec<String>> = entries.iter().map(top).collect();
         let ids: Vec<(bool, String)> =
@@ -432,22 +454,29 @@ fn divide(files: &mut [ProposedFile], labels: &[i64], notes: &mut Vec<Check>) {
     notes.push(Check::note("guessed-labels", text));
 }
 
+/// `places`: where names are read from, in files of several data sets.
 fn guess(
     folder: &Path,
-    listing: Listing,
+    (listing, places): (Listing, &[bids::Place]),
     name: String,
     options: &LoadOptions,
     progress: &Progress,
 ) -> Result<Proposal, CaseError> {
     let mut named: Vec<ParsedName> = Vec::new();
     let mut paths = Vec::new();
+    let (mut named_paths, mut sets) = (Vec::new(), Vec::new());
     for path in listing.volumes {
-        if let Some(n) = names::parse_name(&path) {
+        let place =
+            places.iter().find_map(|place| Some((path.strip_prefix(&place.folder).ok()?, &place.set)));
+        let (within, set) = place.unwrap_or((&path, &None));
+        if let Some(n) = names::parse_name(within) {
             named.push(n);
+            named_paths.push(within.to_owned());
+            sets.push(set.clone());
             paths.push(path);
         }
     }
-    let subjects = subject::subjects(&paths, &named);
+    let subjects = subject::subjects(&named_paths, &named);
     if subjects.len() > 1 {
         return Err(wrong(
             folder,
@@ -458,7 +487,7 @@ fn guess(
     names::drop_common_start(&mut named);
 
     let mut entries = Vec::new();
-    for (path, named) in paths.into_iter().zip(named) {
+    for (((path, named), named_path), set) in paths.into_iter().zip(named).zip(named_paths).zip(sets) {
         let (mut is_mask, mut labels) = (named.kind == Kind::Mask, None);
         // A file that can't be read says so when the case is.
         let segments = files::segments(&Source::File(folder.join(&path)), progress).unwrap_or_default();
@@ -468,7 +497,8 @@ fn guess(
             labels = label_values(&folder.join(&path), options, progress)?;
             is_mask = labels.is_some();
         }
-        entries.push(Entry { path, named, is_mask, by_content, labels, segments, id: String::new() });
+        let id = String::new();
+        entries.push(Entry { path, named_path, set, named, is_mask, by_content, labels, segments, id });
     }
     let mut notes = Vec::new();
     let Times { timeless, doubt } = assign_times(&mut entries, &mut notes);

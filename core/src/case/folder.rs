@@ -50,6 +50,19 @@ pub(super) struct Listing {
     pub left_out: Vec<Check>,
 }
 
+impl Listing {
+    /// Adds what another folder holds, which lies at `place` within this one.
+    pub fn add(&mut self, place: &Path, other: Self) {
+        let within = |paths: Vec<PathBuf>| paths.into_iter().map(|path| place.join(path)).collect::<Vec<_>>();
+        self.volumes.extend(within(other.volumes));
+        self.tracts.extend(within(other.tracts));
+        self.dicom.extend(within(other.dicom));
+        self.tables.extend(within(other.tables));
+        self.has_deeper |= other.has_deeper;
+        self.left_out.extend(other.left_out);
+    }
+}
+
 /// The entries of a folder, sorted.
 pub(super) fn entries(folder: &Path) -> Result<Vec<PathBuf>, CaseError> {
     let fail = |e: std::io::Error| {
@@ -137,11 +150,7 @@ pub(super) fn list_files(
         let meta = whole.metadata().ok();
         if meta.as_ref().is_some_and(Metadata::is_dir) {
             let inner = list(&whole, progress)?;
-            all.volumes.extend(inner.volumes.iter().map(|file| path.join(file)));
-            all.tracts.extend(inner.tracts.iter().map(|file| path.join(file)));
-            all.dicom.extend(inner.dicom.iter().map(|file| path.join(file)));
-            all.tables.extend(inner.tables.iter().map(|file| path.join(file)));
-            all.left_out.extend(inner.left_out);
+            all.add(path, Listing { has_deeper: false, ..inner });
             continue;
         }
         let Some(name) = path.file_name().and_then(|name| name.to_str()) else {

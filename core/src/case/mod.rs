@@ -2,6 +2,7 @@
 
 mod alignment;
 mod arguments;
+mod bids;
 mod case_grid;
 mod check;
 mod discover;
@@ -40,6 +41,7 @@ use crate::{
 
 pub use alignment::{Aligned, AlignedBy, Alignment};
 pub use arguments::argument_with_file;
+pub use bids::{derived_data_set, files_of_other_data_sets};
 pub use discover::{Description, describe, describe_files, folder_of_dicomdir, has_manifest, open_spec};
 pub use load::load_with;
 pub use loops::{close_loops, has_loops};
@@ -234,6 +236,9 @@ pub struct LoadOptions {
     pub alignments: Vec<Alignment>,
     /// Whether the user says that all files lie in one space.
     pub one_space: bool,
+    /// The derived data sets of BIDS whose masks a subject's images have: names in `derivatives/`, absolute paths, or `none`.
+    /// Empty: the only one that has any of the subject, where the subject has no masks itself.
+    pub derivatives: Vec<PathBuf>,
 }
 
 impl Default for LoadOptions {
@@ -244,6 +249,7 @@ impl Default for LoadOptions {
             order: Vec::new(),
             alignments: Vec::new(),
             one_space: false,
+            derivatives: Vec::new(),
         }
     }
 }

@@ -70,8 +70,13 @@ fn words(text: &str) -> impl Iterator<Item = String> + '_ {
     text.split(|c: char| !c.is_alphanumeric()).filter(|w| !w.is_empty()).map(str::to_lowercase)
 }
 
+/// Whether a word names a modality: `T1w`.
+pub(super) fn is_modality(word: &str) -> bool {
+    MODALITY_WORDS.iter().any(|known| known.eq_ignore_ascii_case(word))
+}
+
 /// Value of a BIDS entity in `text`: `01` of `ses-01`.
-fn entity<'a>(text: &'a str, key: &str) -> Option<&'a str> {
+pub(super) fn entity<'a>(text: &'a str, key: &str) -> Option<&'a str> {
     text.split('_').find_map(|piece| piece.strip_prefix(key)?.strip_prefix('-')).filter(|v| !v.is_empty())
 }
 

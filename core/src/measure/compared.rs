@@ -48,7 +48,7 @@ pub struct Raters {
 pub struct DateComparison {
     /// Label of the date.
     pub time: String,
-    /// All pairs, in the order of [`super::pairs`].
+    /// All pairs, in the order of [`super::pairs`]; only those of a reference that was named may be the other way around.
     pub pairs: Vec<PairComparison>,
     /// All masks; `None` for fewer than three, and where all are empty.
     pub raters: Option<Raters>,
@@ -175,28 +175,37 @@ pub fn compared_at(
     progress: &Progress,
 ) -> Result<DateComparison, Cancelled> {
     match case.time_points.get(time) {
-        Some(time) => date(time, settings, progress),
+        Some(time) => date(time, &[], settings, progress),
         None => Ok(DateComparison { time: String::new(), pairs: Vec::new(), raters: None }),
     }
 }
 
-/// Compares the masks of every date of `case` on the case grid.
+/// Compares the masks of every date of `case` on the case grid; masks with these `references` as ids are the first of
+/// their pairs.
 ///
 /// # Errors
 /// [`Cancelled`].
 pub fn compared(
     case: &Case,
+    references: &[String],
     settings: &Settings,
     progress: &Progress,
 ) -> Result<Vec<DateComparison>, Cancelled> {
-    case.time_points.iter().map(|time| date(time, settings, progress)).collect()
+    case.time_points.iter().map(|time| date(time, references, settings, progress)).collect()
 }
 
-fn date(time: &TimePoint, settings: &Settings, progress: &Progress) -> Result<DateComparison, Cancelled> {
+fn date(
+    time: &TimePoint,
+    references: &[String],
+    settings: &Settings,
+    progress: &Progress,
+) -> Result<DateComparison, Cancelled> {
     progress.say("comparing masks");
     let masks = &time.masks;
+    let is_reference = |k: usize| references.iter().any(|id| id == masks[k].mask.id());
+    let in_order = |a: usize, b: usize| if is_reference(b) && !is_reference(a) { [b, a] } else { [a, b] };
     let numbers: Vec<[usize; 2]> =
-        (0..masks.len()).flat_map(|a| (a + 1..masks.len()).map(move |b| [a, b])).collect();
+        (0..masks.len()).flat_map(|a| (a + 1..masks.len()).map(move |b| in_order(a, b))).collect();
     let pairs: Vec<Option<PairComparison>> = numbers
         .par_iter()
         .map(|pair| {
@@ -245,9 +254,9 @@ mod tests {
     fn every_pair_of_every_date_is_compared_and_overlaps_are_those_of_the_tables() {
         let spec = sample::sample_spec();
         let case = crate::case::load(&spec, &LoadOptions::default(), &Progress::new()).unwrap();
-        let all = compared(&case, &Settings::default(), &Progress::new()).unwrap();
+        let all = compared(&case, &[], &Settings::default(), &Progress::new()).unwrap();
         assert_eq!(all.len(), 2);
-        for (date, time) in all.iter().zip(&case.time_points) {
+        for (n, (date, time)) in all.iter().zip(&case.time_points).enumerate() {
             let pairs = measure::pairs(&time.index, &time.regions);
             assert_eq!(date.pairs.len(), 3);
             for (found, pair) in date.pairs.iter().zip(&pairs) {
@@ -259,6 +268,20 @@ mod tests {
                 let apart_mm = points.on_reference_mm.distance(points.on_compared_mm);
                 assert!((apart_mm - hd).abs() < 1e-9, "{apart_mm} {hd}");
             }
+            // With a reference: its pairs alone turn around, and what isn't the same both ways with them.
+            let turned = compared(&case, &["T2".to_owned()], &Settings::default(), &Progress::new())
+                .unwrap()
+                .remove(n);
+            for (found, turned) in date.pairs.iter().zip(&turned.pairs) {
+                let is_turned = found.b == "T2";
+                let (a, b) = if is_turned { (&found.b, &found.a) } else { (&found.a, &found.b) };
+                assert_eq!((&turned.a, &turned.b), (a, b));
+                let of = |key: &str| turned.comparison.value(key);
+                let expected = if is_turned { "precision" } else { "sensitivity" };
+                assert_eq!(of("sensitivity"), found.comparison.value(expected));
+                assert_eq!(of("dice"), found.comparison.value("dice"));
+            }
+            assert!(date.pairs.iter().any(|pair| pair.b == "T2"));
             let raters = date.raters.as_ref().unwrap();
             assert!(raters.majority_ml > 0.0 && raters.majority_ml < time.regions.union_ml());
         }

@@ -37,6 +37,65 @@ fn temp() -> (tempfile::TempDir, PathBuf) {
     (folder, path)
 }
 
+/// A raw data set and one derived of it: each is read with the other, subject and session alike; what is of another scan or space
+/// isn't.
+#[test]
+fn raw_images_and_derived_masks_of_bids_are_one_case() {
+    let (_folder, root) = temp();
+    let derived = root.join("derivatives/nnunet");
+    for session in ["a", "b"] {
+        let place = format!("sub-01/ses-{session}/anat/sub-01_ses-{session}");
+        put(&root, &format!("{place}_T1w.nii"), |at| at as f32);
+        put_mask(&derived, &format!("{place}_label-core_mask.nii"));
+        put_mask(&derived, &format!("{place}_space-MNI152NLin6Asym_label-core_mask.nii"));
+    }
+    put_mask(&derived, "sub-01/ses-a/func/sub-01_ses-a_task-rest_desc-brain_mask.nii");
+    put(&derived, "sub-01/ses-a/anat/sub-01_ses-a_desc-preproc_T1w.nii", |at| at as f32);
+    put(&root, "sub-01/ses-b/func/sub-01_ses-b_task-rest_sbref.nii", |at| at as f32 + 0.5);
+    put_mask(&derived, "sub-02/ses-a/anat/sub-02_ses-a_label-core_mask.nii");
+    let seen = |path: &Path, derivatives: &[&str]| {
+        let derivatives = derivatives.iter().map(PathBuf::from).collect();
+        let options = LoadOptions { derivatives, ..LoadOptions::default() };
+        let spec = open_spec(path, &options, &Progress::new())?;
+        let label = |time: &Option<String>| time.clone().unwrap_or_default();
+        let masks = spec.masks.iter().map(|mask| format!("{} {}", mask.id, label(&mask.time)));
+        let images = spec.contexts.iter().map(|image| {
+            let data_set = if image.source.path().unwrap().starts_with(&derived) { "derived" } else { "raw" };
+            format!("{} {} {data_set}", image.id, label(&image.time))
+        });
+        Ok::<_, glioscope_core::case::CaseError>(images.chain(masks).collect::<Vec<_>>().join(", "))
+    };
+    let raw = root.join("sub-01");
+    let both = "T1w a raw, T1w b raw, sbref b raw, core a, core b";
+    assert_eq!(seen(&raw, &[]).unwrap().replace("rest_", ""), both);
+    assert_eq!(seen(&raw, &["none"]).unwrap().replace("rest_", ""), "T1w a raw, T1w b raw, sbref b raw");
+    // One session of it.
+    assert_eq!(seen(&raw.join("ses-a"), &[]).unwrap(), "T1w  raw, core ");
+    // The derived one has an image of session a.
+    let own = seen(&derived.join("sub-01"), &[]).unwrap();
+    assert!(own.starts_with("preproc_T1w a derived, T1w b raw, ") && !own.contains("sbref"), "{own}");
+    // No raw data of this subject.
+    assert_eq!(seen(&derived.join("sub-02"), &[]).unwrap(), "core ");
+    // Two derived data sets: neither, unless they are named; their names tell the masks apart.
+    put_mask(&root, "derivatives/rater/sub-01/ses-a/anat/sub-01_ses-a_label-core_mask.nii");
+    assert_eq!(seen(&raw.join("ses-a"), &[]).unwrap(), "T1w  raw");
+    let path = root.join("derivatives/rater");
+    for two in [["rater", "nnunet"], [path.to_str().unwrap(), "nnunet"]] {
+        assert_eq!(seen(&raw.join("ses-a"), &two).unwrap(), "T1w  raw, rater-core , nnunet-core ");
+    }
+    // Masks of its own are its masks.
+    put_mask(&root, "sub-03/anat/sub-03_label-core_mask.nii");
+    put_mask(&derived, "sub-03/anat/sub-03_desc-brain_mask.nii");
+    assert_eq!(seen(&root.join("sub-03"), &[]).unwrap(), "core ");
+    assert_eq!(seen(&root.join("sub-03"), &["nnunet"]).unwrap(), "core , brain ");
+    for (path, name, expected) in
+        [(&raw, "other", "no folder"), (&root, "rater", "the folder of a subject of BIDS")]
+    {
+        let error = seen(path, &[name]).unwrap_err().to_string();
+        assert!(error.starts_with("--derivatives: found") && error.contains(expected), "{error}");
+    }
+}
+
 fn proposed(path: &Path) -> Proposal {
     match describe(path, &LoadOptions::default(), &Progress::new()).unwrap() {
         Description::Proposed(proposal) => proposal,

@@ -9,6 +9,7 @@
     reason = "in a test a failed unwrap is a failed test"
 )]
 
+mod forms;
 mod kills;
 mod made;
 mod synthetic;
@@ -147,7 +148,10 @@ fn wrong_arguments_are_one_line() {
         (&["participant", "--compute", "x"], "--compute: found \"x\", expected measure, metrics"),
         (&["participant", "--compute", "response"], "response without criteria"),
         (&["group"], "no results of any case"),
-        (&["group", "--reference", "ref", "--rank-by", "sensitivity"], "--rank-by: found \"sensitivity\""),
+        (
+            &["group", "--reference", "ref", "--rank-by", "lesions_ignored"],
+            "--rank-by: found \"lesions_ignored\"",
+        ),
     ] {
         let (code, stdout, stderr) = glioscope_cohort(&input, &out, arguments);
         assert!(code == 2 && stdout.is_empty(), "{arguments:?}: {code}: {stdout}");
@@ -156,5 +160,9 @@ fn wrong_arguments_are_one_line() {
     let (code, _, stderr) = glioscope_cohort(&input, &input.join("out"), &["participant"]);
     assert!(code == 2 && stderr.contains("a folder among the cases"), "{stderr}");
     let (_, stdout, _) = glioscope_cohort(&input, &out, &["participant", "--list"]);
+    assert_eq!(stdout, "case-000\n");
+    // As the paper of BIDS-Apps writes it.
+    let (_, stdout, _) =
+        glioscope_cohort(&input, &out, &["participant", "--participant_label", "case-000", "--list"]);
     assert_eq!(stdout, "case-000\n");
 }

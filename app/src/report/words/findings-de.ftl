@@ -105,6 +105,7 @@ finding-guessed-kinds = Was Bild und was Maske ist, wurde aus Namen oder Inhalt 
 finding-guessed-labels = Die Masken wurden aus den Labels der Dateien geschlossen.
 finding-guessed-times = Die Zeitpunkte wurden aus Namen geschlossen.
 finding-left-out = Eine Datei oder ein Ordner wurde weggelassen.
+finding-derivatives-unused = Masken abgeleiteter Datensätze (BIDS) wurden nicht gelesen.
 finding-left-out-kinds = Dateien anderer Art wurden weggelassen.
 finding-sessions-unused = Eine sessions.tsv ließ sich nicht verwenden.
 finding-time-order-sessions = Die Reihenfolge der Zeitpunkte stammt aus der sessions.tsv.

@@ -250,9 +250,8 @@ fn a_turning_lamp_does_not_pop_beside_the_scene() {
         let frames: Vec<(f64, Vec<f64>)> =
             (0..=60).map(|n| 45.0 + step_deg * f64::from(n)).map(|deg| (deg, drawn(deg))).collect();
         let most = |beside: bool| {
-            let pairs = frames
-                .windows(2)
-                .filter(|pair| ((pair[0].0 + step_deg / 2.0 - 90.0).abs() < 15.0 + step_deg) == beside);
+            let pairs =
+                frames.windows(2).filter(|pair| ((pair[0].0 + step_deg / 2.0 - 90.0).abs() < 15.0) == beside);
             pairs.map(|pair| change(&pair[0].1, &pair[1].1)).fold(0.0, f64::max)
         };
         // What changing at once would show.

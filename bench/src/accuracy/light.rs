@@ -11,7 +11,7 @@ use glioscope_core::optics::{
     random::Random,
 };
 use glioscope_render::{
-    ContextRenderer, ContextScene, LightSettings, LightingMode, Preset, Quality, SliceVariant,
+    ContextRenderer, ContextScene, Gpu, LightSettings, LightingMode, Preset, Quality, SliceVariant,
     TransferPreset, light,
 };
 use rayon::prelude::*;
@@ -299,6 +299,22 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
     Ok(out)
 }
 
+/// What the last frame, requested at `size`, shows at the pixels of a truth, and their estimates.
+pub(super) fn found_of<'a>(
+    gpu: &Gpu,
+    renderer: &ContextRenderer,
+    size: [u32; 2],
+    truth: &'a Truth,
+) -> Outcome<Vec<(DVec3, &'a Estimate)>> {
+    let frame = renderer.frame().ok_or("no frame was drawn")?;
+    let drawn = DrawnFrame { size: frame.size_px, pixels: frame.image_rgba(gpu)? };
+    let found = |(pixel, estimate): &'a ([u32; 2], Estimate)| {
+        let [r, g, b, _] = drawn.at(*pixel, size);
+        (DVec3::new(r, g, b), estimate)
+    };
+    Ok(truth.pixels.iter().map(found).collect())
+}
+
 pub(super) fn measure_points(
     bench: &Bench<'_>,
     kernel: &str,
@@ -319,13 +335,9 @@ pub(super) fn measure_points(
         Ok(bench.gpu.wait()?)
     };
     let evaluate = |renderer: &mut ContextRenderer, (value, quality): &(f64, Quality)| {
-        let frame = renderer.frame().ok_or("no frame was drawn")?;
-        let drawn = DrawnFrame { size: frame.size_px, pixels: frame.image_rgba(bench.gpu)? };
         let mut errors = Errors::default();
         let mut pairs = Vec::new();
-        for (pixel, estimate) in &truth.pixels {
-            let [r, g, b, _] = drawn.at(*pixel, size);
-            let found = DVec3::new(r, g, b);
+        for (found, estimate) in found_of(bench.gpu, renderer, size, truth)? {
             (found - estimate.mean).to_array().into_iter().for_each(|e| errors.add(e));
             pairs.push((displayed(found), displayed(estimate.mean)));
         }

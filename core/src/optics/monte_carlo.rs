@@ -38,6 +38,18 @@ pub enum Phase {
     },
     /// All directions equally.
     Isotropic,
+    /// All directions equally, from a sphere about the point: what is farther away hides nothing.
+    Near {
+        /// Of the sphere, millimetres.
+        radius_mm: f64,
+    },
+}
+
+impl Phase {
+    /// How far away what hides light may be.
+    fn reach_mm(self) -> f64 {
+        if let Self::Near { radius_mm } = self { radius_mm } else { f64::INFINITY }
+    }
 }
 
 /// A sample mean and its standard error.
@@ -91,7 +103,7 @@ pub fn direction(phase: Phase, axis: DVec3, random: &mut Random) -> DVec3 {
             1.0 - a * (1.0 - aperture_deg.to_radians().cos())
         }
         Phase::Disc { aperture_deg } => 1.0 / (1.0 + a * aperture_deg.to_radians().tan().powi(2)).sqrt(),
-        Phase::Isotropic => 1.0 - 2.0 * a,
+        Phase::Isotropic | Phase::Near { .. } => 1.0 - 2.0 * a,
     };
     let sin = ((1.0 - cos) * (1.0 + cos)).max(0.0).sqrt();
     let axis = if let Phase::Lamp { towards, .. } = phase { towards } else { axis };
@@ -111,7 +123,7 @@ pub fn visibility(
     let mut sums = Sums::default();
     for _ in 0..samples {
         let ray = Ray { origin_mm: at_mm, direction: direction(phase, axis, random) };
-        sums.add(DVec3::splat((-medium.thickness(&ray, f64::INFINITY)).exp()));
+        sums.add(DVec3::splat((-medium.thickness(&ray, phase.reach_mm())).exp()));
     }
     sums.estimate()
 }
@@ -144,7 +156,7 @@ pub fn radiance(
         let offset = 1e-9 * (1.0 + reach);
         let color = medium.optics(ray.origin_mm + ray.direction * (reach + offset)).color;
         let from = Ray { origin_mm: ray.origin_mm + ray.direction * (reach - offset), direction: light };
-        sums.add(color * (-medium.thickness(&from, f64::INFINITY)).exp());
+        sums.add(color * (-medium.thickness(&from, phase.reach_mm())).exp());
     }
     Estimate {
         mean: sums.mean * hit_probability + background * (-total).exp(),
@@ -171,4 +183,27 @@ pub fn picture(
             radiance(medium, &ray, phase, background, samples, &mut Random::new(seed, i))
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::optics::medium::{Shape, Shapes};
+
+    /// What is within the radius hides, and nothing else.
+    #[test]
+    fn light_from_nearby_has_its_closed_form() {
+        let half = DVec3::splat(100.0);
+        let medium = Shapes::one(Shape::Box { min_mm: -half, max_mm: half }, 0.1, DVec3::ONE);
+        for (radius_mm, expected) in [(0.0, 1.0), (5.0, 0.5f64.exp().recip()), (10.0, 1f64.exp().recip())] {
+            let mut random = Random::new(3, 0);
+            let found =
+                visibility(&medium, DVec3::ZERO, DVec3::Z, Phase::Near { radius_mm }, 20, &mut random);
+            assert!((found.mean.x - expected).abs() < 1e-9, "{radius_mm}: {found:?}");
+        }
+        let far = Phase::Near { radius_mm: 1e4 };
+        let [near, all] = [far, Phase::Isotropic]
+            .map(|phase| visibility(&medium, half * 0.99, DVec3::Z, phase, 50, &mut Random::new(3, 0)).mean);
+        assert_eq!(near, all);
+    }
 }

@@ -126,6 +126,11 @@ pub fn choose_adapter(adapters: &[wgpu::Adapter], preference: AdapterPreference)
 }
 
 impl Gpu {
+    /// Bytes of the device's memory that are in use by buffers and textures; `None` where the driver's allocator can't tell.
+    pub fn memory_bytes(&self) -> Option<u64> {
+        self.device.generate_allocator_report().map(|report| report.total_allocated_bytes)
+    }
+
     /// A device without a window.
     ///
     /// # Errors

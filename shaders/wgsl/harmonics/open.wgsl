@@ -33,7 +33,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     }
     let c = cell_middle(needed[number]);
     var bits = 0u;
-    for (var i = 0u; i < varied(part.directions); i++) {
+    // Of all 16, as Mesa 22.3's software driver crashes when it compiles this loop with an end that isn't constant. Bits of
+    // directions that there aren't mean nothing, and aren't read.
+    for (var i = 0u; i < 16u; i++) {
         let w = spread.axes[part.direction + i].xyz;
         bits |= select(0u, 1u << i, is_lit_past_masks(c, w, FAR, false));
     }

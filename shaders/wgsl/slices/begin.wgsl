@@ -1,10 +1,36 @@
 // Initial state of the slice steps: full light, no radiance, full transmittance. And each pixel's depth interval
-// in the image, which is too costly to find anew in each step.
+// in the image, which is too costly to find anew in each step. A frame of two runs keeps what the first one left, and mixes both.
 #include lib/view
 #include lib/march
 #include lib/context
 #include lib/image
 #include lib/slices
+
+// Whether what an earlier run left is kept.
+override keeps: bool = false;
+// Whether it is mixed with what the last run left, instead of a beginning.
+override mixes: bool = false;
+
+// Index in `lights` of what is kept of a pixel, behind the depths of all rays: radiance, transmittance, light on opaque geometry.
+fn kept_place(at: u32) -> u32 {
+    return range_place(view.size.x * view.size.y) + 5u * at;
+}
+
+fn keep(at: u32) {
+    let place = kept_place(at);
+    for (var c = 0u; c < 4u; c++) {
+        lights[place + c] = eye[at][c];
+    }
+    lights[place + 4u] = notes[at].x;
+}
+
+fn mix_with_kept(at: u32) {
+    let place = kept_place(at);
+    let share = parts[zero].share;
+    let kept = vec4<f32>(lights[place], lights[place + 1u], lights[place + 2u], lights[place + 3u]);
+    eye[at] = mix(kept, eye[at], share);
+    notes[at].x = mix(lights[place + 4u], notes[at].x, share);
+}
 
 // Depth where half of what lies behind is hidden, by the slices from front to back: steps from behind don't know it before
 // the end.
@@ -38,6 +64,13 @@ fn main(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invocation_i
         return;
     }
     let at = linear_index(id);
+    if mixes {
+        mix_with_kept(at);
+        return;
+    }
+    if keeps {
+        keep(at);
+    }
     eye[at] = vec4<f32>(0.0, 0.0, 0.0, 1.0);
     notes[at] = vec2<f32>(1.0, FAR);
     for (var turn = 0u; turn < 2u; turn++) {

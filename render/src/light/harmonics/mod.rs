@@ -256,11 +256,6 @@ struct HarmonicLight {
     work: Option<LightWork>,
 }
 
-/// Whether masks take light from tissue. Mesa 22.3's software driver crashes in that pass, not always.
-fn masks_shade_tissue(gpu: &Gpu) -> bool {
-    !gpu.is_software()
-}
-
 impl Light for HarmonicLight {
     fn bind(
         &mut self,
@@ -285,11 +280,7 @@ impl Light for HarmonicLight {
         if plan.has(SKY_ON_OPAQUE) {
             self.bind_opaque(gpu, passes, scene, &settings.rays(towards))?;
         }
-        let mut notes = settings.notes;
-        if plan.has(PAST_MASKS) && scene.bricks.is_some() && !masks_shade_tissue(gpu) {
-            notes.push("masks don't shade tissue: the software driver crashes in that pass".to_owned());
-        }
-        Ok(notes)
+        Ok(settings.notes)
     }
 
     fn lit_march(&self) -> Option<LitMarch<'_>> {
@@ -425,9 +416,7 @@ impl HarmonicLight {
         };
         let needed_count = needed.len() as u32;
         let listed = if needed.is_empty() { vec![0] } else { needed };
-        let bricks = scene
-            .bricks
-            .filter(|_| plan.has(PAST_MASKS) && scene.opaque != Opaque::Nowhere && masks_shade_tissue(gpu));
+        let bricks = scene.bricks.filter(|_| plan.has(PAST_MASKS) && scene.opaque != Opaque::Nowhere);
         let with_masks = bricks.is_some();
         let sets = if with_masks { 2 } else { 1 };
         let functions = count(settings.order);

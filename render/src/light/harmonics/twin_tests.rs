@@ -18,7 +18,6 @@ use rayon::prelude::*;
 use super::{
     Clamped, PROJECT,
     basis::{sky, spread, values},
-    masks_shade_tissue,
 };
 use crate::{
     ClipPlane, CloseupRenderer, ContextRenderer, ContextScene,
@@ -95,7 +94,7 @@ fn twin_error(renderer: &mut ContextRenderer, scene: &ContextScene, quality: &Qu
     };
     let twin = ConeTwin::new(scene, &sight, &[], &lighting).unwrap();
     let twin = if settings.bleeding > 0.0 { twin.with_colors() } else { twin };
-    let voxels = shown(scene).filter(|_| masks_shade_tissue(&GPU));
+    let voxels = shown(scene);
     let directions = spread(settings.directions, 180.0);
     let towards = quality.lighting.lamp.direction(&scene.camera);
     let factors = sky(settings.order, towards, settings.half_angle_deg, settings.everywhere);
@@ -174,7 +173,7 @@ pub(super) fn max_twin_error() -> f64 {
             100.0 * masked
         );
         assert!(unsure < 0.25, "{unsure}");
-        assert_eq!(masked > 0.1, with_tumor && masks_shade_tissue(&GPU), "{masked}");
+        assert_eq!(masked > 0.1, with_tumor, "{masked}");
         worst = worst.max(off);
     }
     worst

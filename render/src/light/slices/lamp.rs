@@ -9,7 +9,7 @@ use glioscope_core::optics::{
 
 use crate::light::kernel::{Kernel, MOST_REACH_PX, disc_points};
 
-/// Largest angle between the line of sight and the direction to the lamp, before the scene or behind it: slices can't carry
+/// Largest angle between the line of sight and the direction of light, before the scene or behind it: slices can't carry
 /// light along themselves.
 pub(crate) const MOST_TILT_DEG: f64 = 75.0;
 /// Variance along an axis that interpolation between pixels adds, on average over its fraction, square pixels.
@@ -37,22 +37,15 @@ pub(crate) struct LampCone {
 }
 
 impl LampCone {
-    /// The cone about `towards` (unit length; right, up, away from the eye): of directions uniform in solid angle, or as the
-    /// ellipse cut out. Tilt, which is from the line of sight, and aperture are at most [`MOST_TILT_DEG`] and together
+    /// The cone about `towards` (unit length; right, up, away from the eye; one of [`cases`]): of directions uniform in solid
+    /// angle, or as the ellipse cut out. Tilt, which is from the line of sight, and aperture are together at most
     /// [`WIDEST_DEG`]: beyond, the ellipse is a hyperbola. Notes name what was changed.
     pub fn new(towards: DVec3, aperture_deg: f64, as_ellipse: bool, notes: &mut Vec<String>) -> Self {
         let sideways = DVec2::new(towards.x, -towards.y);
         // A lamp right behind or before the scene has no side.
         let along = sideways.try_normalize().unwrap_or(DVec2::NEG_Y);
         let from_behind = towards.z > 0.0;
-        let requested_deg = sideways.length().atan2(towards.z.abs()).to_degrees();
-        let tilt_deg = requested_deg.min(MOST_TILT_DEG);
-        if tilt_deg < requested_deg {
-            let side = if from_behind { ", behind the scene" } else { "" };
-            notes.push(format!(
-                "lamp {requested_deg:.0} degrees from the line of sight{side}: {tilt_deg} is used"
-            ));
-        }
+        let tilt_deg = sideways.length().atan2(towards.z.abs()).to_degrees().min(MOST_TILT_DEG);
         let used_deg = aperture_deg.min(WIDEST_DEG - tilt_deg);
         if used_deg < aperture_deg - 1e-6 {
             notes.push(format!(
@@ -133,6 +126,35 @@ impl LampCone {
     pub fn moved(&self, sight: &Sight, at_px: DVec2, [from_mm, to_mm]: [f64; 2]) -> DVec2 {
         (at_px * sight.pixel_mm(from_mm) + self.slope * (from_mm - to_mm)) / sight.pixel_mm(to_mm)
     }
+}
+
+/// The directions (unit length; right, up, away from the eye) whose light is shown for a lamp in `towards`, each with its share
+/// of the frame, above 0. A lamp beside the scene, more than [`MOST_TILT_DEG`] from the line of sight, is a mixture of one before
+/// the scene and one behind it, that far from the line of sight: shares change evenly while it turns, so that nothing jumps.
+pub(crate) fn cases(towards: DVec3) -> Vec<(DVec3, f64)> {
+    let sideways = towards.truncate();
+    let behind = (from_sight_deg(towards) - MOST_TILT_DEG) / (180.0 - 2.0 * MOST_TILT_DEG);
+    if !(0.0..1.0).contains(&behind) || behind == 0.0 {
+        return vec![(towards, 1.0)];
+    }
+    let (sin, cos) = MOST_TILT_DEG.to_radians().sin_cos();
+    let side = sideways.normalize_or_zero() * sin;
+    vec![(side.extend(-cos), 1.0 - behind), (side.extend(cos), behind)]
+}
+
+/// What is said of a mixture.
+pub(crate) fn mixture_note(towards: DVec3) -> Option<String> {
+    let [(_, before), (_, behind)] = cases(towards)[..] else { return None };
+    let (degrees, [before, behind]) = (from_sight_deg(towards), [before, behind].map(|share| 100.0 * share));
+    Some(format!(
+        "lamp {degrees:.0} degrees from the line of sight: light from {MOST_TILT_DEG} degrees before the scene ({before:.0} %) and \
+         behind it ({behind:.0} %) is used"
+    ))
+}
+
+/// Angle between the direction to the eye and that to the lamp.
+fn from_sight_deg(towards: DVec3) -> f64 {
+    towards.truncate().length().atan2(-towards.z).to_degrees()
 }
 
 /// Points of an ellipse's square, or of the disc in it.

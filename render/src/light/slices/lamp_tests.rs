@@ -9,7 +9,10 @@ use glioscope_core::optics::{
     random::Random,
 };
 
-use super::{lamp::LampCone, plan::Kernel};
+use super::{
+    lamp::{LampCone, cases, mixture_note},
+    plan::Kernel,
+};
 use crate::{
     ContextRenderer,
     light::suite::{SIZE, lit, scene},
@@ -67,13 +70,13 @@ fn the_ellipse_is_where_a_plane_cuts_the_cone() {
 }
 
 #[test]
-fn tilt_and_aperture_are_clamped_with_notes() {
+fn the_aperture_is_clamped_with_a_note() {
     for (tilt_deg, aperture_deg, used, count) in [
         (0.0, 85.0, (0.0, 85.0), 0),
         (60.0, 25.0, (60.0, 25.0), 0),
         (60.0, 60.0, (60.0, 25.0), 1),
-        (80.0, 60.0, (75.0, 10.0), 2),
-        (100.0, 60.0, (75.0, 10.0), 2),
+        (75.0, 60.0, (75.0, 10.0), 1),
+        (105.0, 60.0, (75.0, 10.0), 1),
         (120.0, 25.0, (60.0, 25.0), 0),
         (180.0, 0.0, (0.0, 0.0), 0),
     ] {
@@ -82,6 +85,32 @@ fn tilt_and_aperture_are_clamped_with_notes() {
         let off = (cone.tilt_deg - used.0).abs().max((cone.aperture_deg - used.1).abs());
         assert!(off < 1e-9 && notes.len() == count && cone.slope.is_finite(), "{cone:?} {notes:?}");
     }
+}
+
+/// Beside the scene, and nowhere else, two directions at the limit are mixed, whose shares change evenly and don't jump.
+#[test]
+fn a_lamp_beside_the_scene_is_a_mixture() {
+    let note = |degrees: f64| mixture_note(towards(degrees, 33.0));
+    let mut before = None;
+    for half_degrees in 0..=360 {
+        let degrees = f64::from(half_degrees) / 2.0;
+        let found = cases(towards(degrees, 33.0));
+        let behind: f64 = found.iter().filter(|(t, _)| t.z > 0.0).map(|(_, share)| share).sum();
+        let all: f64 = found.iter().map(|(_, share)| share).sum();
+        assert!((all - 1.0).abs() < 1e-12 && found.iter().all(|(_, share)| *share > 0.0), "{found:?}");
+        let expected = ((degrees - 75.0) / 30.0).clamp(0.0, 1.0);
+        assert!((behind - expected).abs() < 1e-9, "{degrees}: {found:?}");
+        assert_eq!(found.len(), note(degrees).map_or(1, |_| 2), "{degrees}");
+        for (direction, _) in &found {
+            let used = direction.z.abs().acos().to_degrees();
+            let asked = degrees.min(180.0 - degrees);
+            assert!(direction.is_normalized() && (used - asked.min(75.0)).abs() < 1e-6, "{degrees}: {used}");
+            assert!(direction.angle_between(towards(degrees, 33.0)).to_degrees() < 30.0 + 1e-6, "{degrees}");
+        }
+        assert!(before.replace(behind).is_none_or(|before| (behind - before).abs() < 0.5 / 30.0 + 1e-9));
+    }
+    assert!(note(90.0).unwrap().contains("75 degrees before the scene (50 %) and behind it (50 %)"));
+    assert_eq!(cases(DVec3::Z).len() + cases(-DVec3::Z).len(), 2);
 }
 
 /// Tables and moments of a tilted cone against Monte Carlo of its directions through a slab; without a tilt they are
@@ -154,6 +183,8 @@ fn light_of_a_lamp_is_near_monte_carlo() {
         (0.0, 70.0, 10.0),
         (150.0, 30.0, 20.0),
         (180.0, -10.0, 40.0),
+        (90.0, 0.0, 10.0),
+        (78.0, 0.0, 10.0),
     ] {
         let lamp = Lamp { azimuth_deg, elevation_deg, ..Lamp::DEFAULT };
         let phase = Phase::Lamp { towards: lamp.direction(&scene.camera), aperture_deg };
@@ -188,5 +219,48 @@ fn light_of_a_lamp_is_near_monte_carlo() {
         // From behind the eye sees the end of the light's way, and thick slices are as near.
         let is_finer_nearer = errors[2].0 < errors[0].0 || azimuth_deg.abs() > 90.0;
         assert!(errors[2].0 < 0.35 * without.0 && is_finer_nearer, "{errors:?} {without:?}");
+    }
+}
+
+/// A lamp that turns about the scene, through the plane beside it: no frame differs there from the one before it by more than frames
+/// do elsewhere. Without a mixture the lamp would be kept at 75 degrees and then change at once to 105.
+#[test]
+fn a_turning_lamp_does_not_pop_beside_the_scene() {
+    let size = [36, 33];
+    let step_deg = 1.5;
+    for with_tumor in [false, true] {
+        let scene = scene(false, with_tumor, Projection::Perspective);
+        let mut renderer = ContextRenderer::new(&GPU).unwrap();
+        let mut drawn = |azimuth_deg: f64| -> Vec<f64> {
+            let lighting = LightSettings {
+                aperture_deg: 10.0,
+                lamp: Lamp { azimuth_deg, elevation_deg: 0.0, ..Lamp::DEFAULT },
+                towards_lamp: true,
+                slice_mm: 1.0,
+                ..lit(LightingMode::Slices).lighting
+            };
+            let quality = Quality { lighting, occlusion_strength: 1.0, ..Quality::FULL };
+            let frame = renderer.render(&GPU, &scene, &quality, size).unwrap();
+            frame.read_rgba(&GPU).unwrap().iter().map(|c| f64::from(*c) / 255.0).collect()
+        };
+        let change = |a: &[f64], b: &[f64]| {
+            let squares = a.iter().zip(b).map(|(a, b)| (a - b).powi(2));
+            (squares.sum::<f64>() / a.len() as f64).sqrt()
+        };
+        let frames: Vec<(f64, Vec<f64>)> =
+            (0..=60).map(|n| 45.0 + step_deg * f64::from(n)).map(|deg| (deg, drawn(deg))).collect();
+        let most = |beside: bool| {
+            let pairs =
+                frames.windows(2).filter(|pair| ((pair[0].0 + step_deg / 2.0 - 90.0).abs() < 15.0) == beside);
+            pairs.map(|pair| change(&pair[0].1, &pair[1].1)).fold(0.0, f64::max)
+        };
+        // What changing at once would show.
+        let jump = change(&drawn(75.0), &drawn(105.0));
+        println!(
+            "tumour {with_tumor}: at most {:.5} beside the scene, {:.5} elsewhere; {jump:.5} at once",
+            most(true),
+            most(false)
+        );
+        assert!(most(true) <= most(false) && jump > 2.0 * most(false), "{} {}", most(true), most(false));
     }
 }

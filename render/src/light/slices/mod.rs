@@ -2,8 +2,10 @@
 //! draws the image, and computes the light it transmits to opaque surfaces, which darken each other by vicinity occlusion
 //! and in layers.
 //!
+//! A lamp beside the scene takes two runs over the slices, for light from before the scene and from behind it, which are mixed.
+//!
 //! Lifetimes: pipelines are created when a variant is first drawn; buffers (40 bytes per pixel, with opaque geometry
-//! 48) once per size; the uniforms of the steps, 256 bytes for each of their rectangles, once per frame.
+//! 48, for a mixture 20 more) once per size; the uniforms of the steps, 256 bytes for each of their rectangles, once per frame.
 
 pub(crate) mod lamp;
 #[cfg(test)]
@@ -169,12 +171,25 @@ pub(super) fn occupied_depths_mm(bounds: &[ScreenBounds]) -> Vec<(f64, f64)> {
 
 /// Bytes from one step's uniform to the next.
 const STRIDE: u64 = 256;
+/// Bytes per pixel that are kept of an earlier run: radiance, transmittance and light on opaque geometry.
+pub(super) const KEPT_BYTES: u64 = 20;
+
+/// What a dispatch does.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Entry {
+    /// Initialises the buffers before the steps.
+    Begin,
+    /// The same, and keeps what an earlier run left.
+    BeginAgain,
+    Step,
+    /// Mixes what was kept with what the last run left.
+    Mix,
+}
 
 /// What a pipeline is specialised for.
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct PipelineKey {
-    /// Whether it is slices/begin, which initialises the buffers before the steps.
-    is_begin: bool,
+    entry: Entry,
     variant: SliceVariant,
     with_opaque: bool,
     /// Whether two lights are stored per pixel, whether or not the rectangle has opaque geometry.
@@ -194,22 +209,46 @@ struct PipelineKey {
     is_empty: bool,
 }
 
+impl PipelineKey {
+    /// Of what isn't a step.
+    fn of_frame(scene: &LitScene<'_>, plan: &SlicePlan) -> Self {
+        Self {
+            entry: Entry::Begin,
+            variant: scene.quality.lighting.variant,
+            with_opaque: false,
+            two_lights: scene.opaque != Opaque::Nowhere,
+            one_slice: false,
+            opaque_transmits: false,
+            opaque_on_opaque: false,
+            towards_lamp: scene.quality.lighting.towards_lamp,
+            from_behind: plan.is_lit_from_behind(),
+            ends_apart: false,
+            dimensions: Dimensions::Value,
+            is_empty: false,
+        }
+    }
+}
+
 struct Buffers {
     size: [u32; 2],
     lights_per_pixel: u64,
+    /// Whether there is room for what an earlier run left.
+    keeps: bool,
     lights: wgpu::Buffer,
     eye: wgpu::Buffer,
     notes: wgpu::Buffer,
 }
 
 impl Buffers {
-    fn new(gpu: &Gpu, size: [u32; 2], lights_per_pixel: u64) -> Self {
+    fn new(gpu: &Gpu, size: [u32; 2], lights_per_pixel: u64, keeps: bool) -> Self {
         let pixels = u64::from(size[0]) * u64::from(size[1]);
         let buffer = |label, bytes: u64| gpu.buffer(label, bytes, WRITTEN);
+        let kept = if keeps { KEPT_BYTES } else { 0 };
         Self {
             size,
             lights_per_pixel,
-            lights: buffer("SliceLight::lights", 8 * pixels * (lights_per_pixel + 1)),
+            keeps,
+            lights: buffer("SliceLight::lights", pixels * (8 * (lights_per_pixel + 1) + kept)),
             eye: buffer("SliceLight::eye", 16 * pixels),
             notes: buffer("SliceLight::notes", 8 * pixels),
         }
@@ -320,125 +359,63 @@ impl SliceLight {
         let settings = &scene.quality.lighting;
         let has_opaque = scene.opaque != Opaque::Nowhere;
         let lights_per_pixel = if has_opaque { 2 } else { 1 };
+        let requested = slice_settings(settings, scene.camera);
+        let cases = requested.cases();
+        let keeps = cases.len() > 1;
         if self
             .buffers
             .as_ref()
-            .is_none_or(|b| b.size != scene.size || b.lights_per_pixel != lights_per_pixel)
+            .is_none_or(|b| (b.size, b.lights_per_pixel, b.keeps) != (scene.size, lights_per_pixel, keeps))
         {
             self.buffers = None;
-            self.buffers = Some(Buffers::new(gpu, scene.size, lights_per_pixel));
+            self.buffers = Some(Buffers::new(gpu, scene.size, lights_per_pixel, keeps));
             gpu.check()?;
         }
         let sight = Sight::new(scene.camera, scene.size);
         let bricks = visible_bounds(&sight, image.buffers);
         let occupied = occupied_depths_mm(&bricks);
         let whole = occupied.first().zip(occupied.last()).map(|(first, last)| (first.0, last.1));
-        let mut plan = SlicePlan::new(&slice_settings(settings, scene.camera), &sight, whole, &occupied);
-        if plan.steps.is_empty() {
-            // An empty step, so that the buffers that later passes read are written.
-            let kernel = Kernel::Lattice { side: 1, stride_px: 1, center: 0.0 };
-            plan.steps.push(Step { depth_mm: scene.reference_mm, slices: 1, kernel, empty: true });
-        }
-        let mutual = &settings.mutual;
-        let opaque_bounds = match (scene.opaque, scene.tumor) {
-            (Opaque::Nowhere, _) => OpaqueBounds::None,
-            (Opaque::InMasks, Some(tumor)) => ScreenBounds::of(&sight, &tumor.grid().corners_mm())
-                .map_or(OpaqueBounds::None, OpaqueBounds::Within),
-            _ => OpaqueBounds::Anywhere,
-        };
-        // In the paper's variants; in the mended one layers do, which know no light from behind.
-        let from_behind = plan.is_lit_from_behind();
-        let opaque_on_opaque =
-            (settings.variant != SliceVariant::Mended || from_behind) && mutual.opaque_on_opaque;
-        let occluders = (mutual.opaque_on_image || opaque_on_opaque, mutual.image_on_image);
-        let mut all_rects = if self.everywhere {
-            vec![StepRects::everywhere(scene.size); plan.steps.len()]
-        } else {
-            step_rects(&plan, &sight, &bricks, opaque_bounds, occluders)
-        };
-        if !gpu.is_software() {
-            all_rects.iter_mut().for_each(StepRects::merge_small);
-        }
+        let mut notes: Vec<String> = requested.mixture_note().into_iter().collect();
         let mut dispatches = StepDispatches::default();
-        let begin_key = PipelineKey {
-            is_begin: true,
-            variant: settings.variant,
-            with_opaque: false,
-            two_lights: has_opaque,
-            one_slice: false,
-            opaque_transmits: false,
-            opaque_on_opaque: false,
-            towards_lamp: settings.towards_lamp,
-            from_behind,
-            ends_apart: false,
-            dimensions: Dimensions::Value,
-            is_empty: false,
-        };
-        let whole = Rect::whole(scene.size).in_workgroups(scene.size);
-        let dimensions = image.buffers.tables().dimensions;
-        let begins = uniforms::Part {
-            depth: (plan.front_mm() - scene.reference_mm) as f32,
-            slices: plan.slices(),
-            ..uniforms::Part::default()
-        };
-        // From back to front it isn't known before the end where half is hidden: a march finds it.
-        let key = if from_behind {
-            PipelineKey { with_opaque: has_opaque, ends_apart: scene.ends_apart, dimensions, ..begin_key }
-        } else {
-            begin_key
-        };
-        dispatches.add(self.pipeline(gpu, key)?, key, begins, &[whole]);
-        let mended = settings.variant == SliceVariant::Mended;
-        let mut light_work = LightWork { slices: plan.slices(), ..LightWork::default() };
-        for (number, (step, rects)) in plan.steps.iter().zip(&all_rects).enumerate() {
-            let mut part = step_uniform(step, number, scene.reference_mm, settings.variant);
-            part.is_last = u32::from(number + 1 == plan.steps.len());
-            for (rects, with_opaque) in [(&rects.with_opaque, has_opaque), (&rects.without_opaque, false)] {
-                if rects.is_empty() {
-                    continue;
-                }
-                let key = PipelineKey {
-                    is_begin: false,
-                    with_opaque,
-                    one_slice: mended && step.slices == 1,
-                    opaque_transmits: with_opaque && !mutual.opaque_on_image,
-                    opaque_on_opaque: with_opaque && opaque_on_opaque,
-                    ends_apart: with_opaque && scene.ends_apart,
-                    dimensions,
-                    is_empty: step.empty,
-                    ..begin_key
-                };
-                dispatches.add(self.pipeline(gpu, key)?, key, part, rects);
-                let range = if step.empty { 0 } else { 8 };
-                let depths = 4 * u64::from(with_opaque) + 4 * u64::from(key.ends_apart);
-                let pixels: u64 = rects.iter().map(Rect::pixels).sum();
-                light_work.samples += pixels * u64::from(step.slices);
-                light_work.bytes += pixels * (2 * 4 * lights_per_pixel + range + depths);
+        let (mut work, mut pixels) = (LightWork::default(), [0, 0]);
+        let mut uniform = None;
+        for (number, (case, share)) in cases.iter().enumerate() {
+            let mut plan = SlicePlan::new(case, &sight, whole, &occupied);
+            if plan.steps.is_empty() {
+                // An empty step, so that the buffers that later passes read are written.
+                let kernel = Kernel::Lattice { side: 1, stride_px: 1, center: 0.0 };
+                plan.steps.push(Step { depth_mm: scene.reference_mm, slices: 1, kernel, empty: true });
             }
+            let rects = self.rects_of(gpu, scene, &plan, &sight, &bricks);
+            let entry = if number == 0 { Entry::Begin } else { Entry::BeginAgain };
+            self.add_run(gpu, &mut dispatches, (scene, image), (&plan, &rects, entry), &mut work)?;
+            if keeps && number + 1 == cases.len() {
+                let key = PipelineKey { entry: Entry::Mix, ..PipelineKey::of_frame(scene, &plan) };
+                let part = uniforms::Part { share: *share as f32, ..uniforms::Part::default() };
+                let whole = Rect::whole(scene.size).in_workgroups(scene.size);
+                dispatches.add(self.pipeline(gpu, key)?, key, part, &[whole]);
+            }
+            let all = rects.iter().flat_map(|r| r.with_opaque.iter().chain(&r.without_opaque));
+            let of_frame = Rect::whole(scene.size).in_workgroups(scene.size).pixels();
+            pixels = [
+                pixels[0] + all.map(Rect::pixels).sum::<u64>(),
+                pixels[1] + of_frame * plan.steps.len() as u64,
+            ];
+            // The cases of a mixture differ in their order alone.
+            uniform.get_or_insert_with(|| slices_uniform(&plan, scene));
+            let fresh: Vec<String> = plan.notes.into_iter().filter(|note| !notes.contains(note)).collect();
+            notes.extend(fresh);
         }
-        let processed: u64 = all_rects
-            .iter()
-            .flat_map(|r| r.with_opaque.iter().chain(&r.without_opaque))
-            .map(Rect::pixels)
-            .sum();
-        let total = whole.pixels() * plan.steps.len() as u64;
+        let [processed, total] = pixels;
         if processed < total {
             let share = 100.0 * (1.0 - processed as f64 / total as f64);
-            plan.notes.push(format!(
+            notes.push(format!(
                 "{share:.0} % of the slices' pixels are left out: no light is lost there yet, or none asked for any more"
             ));
         }
-        self.work = Some(light_work);
-        let Some(buffers) = &self.buffers else { return Ok(Vec::new()) };
-        let flags = if mutual.image_on_image { uniforms::IMAGE_ON_IMAGE } else { 0 };
-        let slices = uniforms::Slices {
-            slice_mm: plan.slice_mm as f32,
-            flags,
-            strength: scene.quality.strength(),
-            lag_px: plan.lamp.map_or(0.0, |cone| cone.lag_px()) as f32,
-            decay: plan.decay.as_deref().map_or([[0.0; 4]; 257], Decay::packed),
-        };
-        gpu.queue.write_buffer(&self.slices, 0, bytemuck::bytes_of(&slices));
+        self.work = Some(work);
+        let (Some(buffers), Some(uniform)) = (&self.buffers, uniform) else { return Ok(Vec::new()) };
+        gpu.queue.write_buffer(&self.slices, 0, bytemuck::bytes_of(&uniform));
         // A binding spans two parts, so the last one extends past its own.
         let mut bytes = vec![0u8; (dispatches.parts.len() + 1) * STRIDE as usize];
         for (part, slot) in dispatches.parts.iter().zip(bytes.chunks_exact_mut(STRIDE as usize)) {
@@ -472,7 +449,95 @@ impl SliceLight {
             (35, buffers.notes.as_entire_binding()),
         ];
         passes.bind(gpu, SLICES_FINISH, "slices/finish", &finish, workgroups)?;
-        Ok(plan.notes)
+        Ok(notes)
+    }
+
+    /// What each step of a run must process.
+    fn rects_of(
+        &self,
+        gpu: &Gpu,
+        scene: &LitScene<'_>,
+        plan: &SlicePlan,
+        sight: &Sight,
+        bricks: &[ScreenBounds],
+    ) -> Vec<StepRects> {
+        let opaque_bounds = match (scene.opaque, scene.tumor) {
+            (Opaque::Nowhere, _) => OpaqueBounds::None,
+            (Opaque::InMasks, Some(tumor)) => ScreenBounds::of(sight, &tumor.grid().corners_mm())
+                .map_or(OpaqueBounds::None, OpaqueBounds::Within),
+            _ => OpaqueBounds::Anywhere,
+        };
+        let mutual = &scene.quality.lighting.mutual;
+        let occluders = (mutual.opaque_on_image || opaque_on_opaque(scene, plan), mutual.image_on_image);
+        let mut out = if self.everywhere {
+            vec![StepRects::everywhere(scene.size); plan.steps.len()]
+        } else {
+            step_rects(plan, sight, bricks, opaque_bounds, occluders)
+        };
+        if !gpu.is_software() {
+            out.iter_mut().for_each(StepRects::merge_small);
+        }
+        out
+    }
+
+    /// Adds the dispatches of one run over the slices.
+    ///
+    /// # Errors
+    /// [`RenderError`].
+    fn add_run(
+        &mut self,
+        gpu: &Gpu,
+        dispatches: &mut StepDispatches,
+        (scene, image): (&LitScene<'_>, &LitImage<'_>),
+        (plan, all_rects, entry): (&SlicePlan, &[StepRects], Entry),
+        work: &mut LightWork,
+    ) -> Result<(), RenderError> {
+        let settings = &scene.quality.lighting;
+        let has_opaque = scene.opaque != Opaque::Nowhere;
+        let from_behind = plan.is_lit_from_behind();
+        let whole = Rect::whole(scene.size).in_workgroups(scene.size);
+        let dimensions = image.buffers.tables().dimensions;
+        let begins = uniforms::Part {
+            depth: (plan.front_mm() - scene.reference_mm) as f32,
+            slices: plan.slices(),
+            ..uniforms::Part::default()
+        };
+        let of_frame = PipelineKey { entry, ..PipelineKey::of_frame(scene, plan) };
+        // From back to front it isn't known before the end where half is hidden: a march finds it.
+        let key = if from_behind {
+            PipelineKey { with_opaque: has_opaque, ends_apart: scene.ends_apart, dimensions, ..of_frame }
+        } else {
+            of_frame
+        };
+        dispatches.add(self.pipeline(gpu, key)?, key, begins, &[whole]);
+        work.slices += plan.slices();
+        for (number, (step, rects)) in plan.steps.iter().zip(all_rects).enumerate() {
+            let mut part = step_uniform(step, number, scene.reference_mm, settings.variant);
+            part.is_last = u32::from(number + 1 == plan.steps.len());
+            for (rects, with_opaque) in [(&rects.with_opaque, has_opaque), (&rects.without_opaque, false)] {
+                if rects.is_empty() {
+                    continue;
+                }
+                let key = PipelineKey {
+                    entry: Entry::Step,
+                    with_opaque,
+                    one_slice: settings.variant == SliceVariant::Mended && step.slices == 1,
+                    opaque_transmits: with_opaque && !settings.mutual.opaque_on_image,
+                    opaque_on_opaque: with_opaque && opaque_on_opaque(scene, plan),
+                    ends_apart: with_opaque && scene.ends_apart,
+                    dimensions,
+                    is_empty: step.empty,
+                    ..of_frame
+                };
+                dispatches.add(self.pipeline(gpu, key)?, key, part, rects);
+                let range = if step.empty { 0 } else { 8 };
+                let depths = 4 * u64::from(with_opaque) + 4 * u64::from(key.ends_apart);
+                let pixels: u64 = rects.iter().map(Rect::pixels).sum();
+                work.samples += pixels * u64::from(step.slices);
+                work.bytes += pixels * (2 * 4 * (1 + u64::from(has_opaque)) + range + depths);
+            }
+        }
+        Ok(())
     }
 
     /// The pipeline of a key, compiled when first needed.
@@ -499,9 +564,36 @@ impl SliceLight {
                 joint,
                 ("is_empty", flag(key.is_empty)),
             ];
-            let entry = if key.is_begin { "slices/begin" } else { "slices/step" };
-            compute_pipeline(gpu, entry, Some(&self.layout), &constants)
+            match key.entry {
+                Entry::Step => compute_pipeline(gpu, "slices/step", Some(&self.layout), &constants),
+                of_frame => {
+                    let more = [
+                        ("keeps", flag(of_frame == Entry::BeginAgain)),
+                        ("mixes", flag(of_frame == Entry::Mix)),
+                    ];
+                    let constants = [&constants[..], &more].concat();
+                    compute_pipeline(gpu, "slices/begin", Some(&self.layout), &constants)
+                }
+            }
         })
+    }
+}
+
+/// Whether opaque surfaces block each other's light from slice to slice: in the paper's variants; in the mended one layers do,
+/// which know no light from behind.
+fn opaque_on_opaque(scene: &LitScene<'_>, plan: &SlicePlan) -> bool {
+    let LightSettings { variant, mutual, .. } = &scene.quality.lighting;
+    (*variant != SliceVariant::Mended || plan.is_lit_from_behind()) && mutual.opaque_on_opaque
+}
+
+fn slices_uniform(plan: &SlicePlan, scene: &LitScene<'_>) -> uniforms::Slices {
+    let shades = scene.quality.lighting.mutual.image_on_image;
+    uniforms::Slices {
+        slice_mm: plan.slice_mm as f32,
+        flags: if shades { uniforms::IMAGE_ON_IMAGE } else { 0 },
+        strength: scene.quality.strength(),
+        lag_px: plan.lamp.map_or(0.0, |cone| cone.lag_px()) as f32,
+        decay: plan.decay.as_deref().map_or([[0.0; 4]; 257], Decay::packed),
     }
 }
 

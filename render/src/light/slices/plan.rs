@@ -8,7 +8,7 @@ use glioscope_core::optics::{
     cone::{Decay, clamped_aperture, tangent_variance},
 };
 
-use super::lamp::LampCone;
+use super::lamp::{LampCone, cases, mixture_note};
 pub(crate) use crate::light::kernel::{Kernel, disc_points};
 use crate::{light::kernel::MOST_REACH_PX, scene::SliceVariant};
 
@@ -36,8 +36,22 @@ pub(crate) struct SliceSettings {
     /// Distance of an occluder whose penumbra has the true cone's width; mended variant only. Penumbrae
     /// of nearer occluders are too wide, of farther ones too narrow.
     pub reference_mm: f64,
-    /// Direction towards the lamp that the cone is about (right, up, away from the eye); `None`: about that to the eye.
+    /// Direction towards the lamp that the cone is about (unit length; right, up, away from the eye); `None`: about that to the
+    /// eye.
     pub lamp: Option<DVec3>,
+}
+
+impl SliceSettings {
+    /// The runs over the slices that a frame is mixed of, each with its share: see [`cases`].
+    pub fn cases(&self) -> Vec<(Self, f64)> {
+        let Some(towards) = self.lamp else { return vec![(*self, 1.0)] };
+        cases(towards).into_iter().map(|(lamp, share)| (Self { lamp: Some(lamp), ..*self }, share)).collect()
+    }
+
+    /// What is said of a mixture.
+    pub fn mixture_note(&self) -> Option<String> {
+        self.lamp.and_then(mixture_note)
+    }
 }
 
 /// Consecutive slices: the light is sampled once, through the kernel, before them.

@@ -3,7 +3,10 @@
 use glam::DVec3;
 use glioscope_core::optics::{Projection, Sight};
 
-use super::{plan::SlicePlan, slice_settings, twin};
+use super::{
+    plan::{SlicePlan, SliceSettings},
+    slice_settings, twin,
+};
 use crate::{
     ClipPlane, ContextRenderer, ContextScene,
     light::suite::{SIZE, image_of, scene, shaped, visible_depths_mm},
@@ -46,14 +49,25 @@ fn twin_error(scene: &ContextScene, lighting: LightSettings) -> f64 {
     let gpu_image = visible_depths_mm(scene, &sight);
     let settings = slice_settings(&lighting, &scene.camera);
     let whole = Some((gpu_image[0].0, gpu_image.last().unwrap().1));
-    let plan = SlicePlan::new(&settings, &sight, whole, &gpu_image);
     let reference_mm = scene.reference_mm();
     let opaque_mm: Vec<f64> = found
         .depths
         .iter()
         .map(|d| if *d < FAR { f64::from(*d) + reference_mm } else { f64::INFINITY })
         .collect();
-    let twin = twin::slices(scene, &sight, &plan, &opaque_mm, &lighting.mutual, quality.occlusion_strength);
+    let run = |settings: &SliceSettings| {
+        let plan = SlicePlan::new(settings, &sight, whole, &gpu_image);
+        twin::slices(scene, &sight, &plan, &opaque_mm, &lighting.mutual, quality.occlusion_strength)
+    };
+    let cases = settings.cases();
+    let mut twin = run(&cases[0].0);
+    if let [_, (behind, share)] = &cases[..] {
+        for (mixed, behind) in twin.iter_mut().zip(run(behind)) {
+            mixed.eye.radiance = mixed.eye.radiance.lerp(behind.eye.radiance, *share);
+            mixed.eye.transmittance += share * (behind.eye.transmittance - mixed.eye.transmittance);
+            mixed.on_opaque += share * (behind.on_opaque - mixed.on_opaque);
+        }
+    }
     let mut worst = 0.0f64;
     let mut dark = 0;
     for (i, expected) in twin.iter().enumerate() {
@@ -92,6 +106,7 @@ pub(super) fn max_twin_error() -> f64 {
                 (40.0, 3, 2.1, Some((LampFrame::Patient, 20.0, 0.0))),
                 (20.0, 2, 0.9, Some((LampFrame::Viewer, 150.0, 30.0))),
                 (40.0, 3, 2.1, Some((LampFrame::Viewer, 180.0, 0.0))),
+                (20.0, 2, 2.1, Some((LampFrame::Viewer, 84.0, 10.0))),
             ] {
                 scene.clip = if slice_mm > 2.0 {
                     vec![ClipPlane { normal: DVec3::new(0.3, -0.8, 0.5), offset_mm: 5.0 }]

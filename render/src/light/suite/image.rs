@@ -92,8 +92,10 @@ fn render(
     out.eye = read(lights.probe().eye);
     out.notes = read(lights.probe().notes);
     out.carried_light = read(lights.probe().carried_light);
-    // The buffer's tail holds the depths of each pixel's ray in the image.
-    out.carried_light.truncate(out.carried_light.len().saturating_sub(2 * out.eye.len()));
+    // The buffer's tail holds the depths of each pixel's ray in the image, and of a mixture what five numbers say of its first run.
+    let (all, pixels) = (out.carried_light.len(), out.eye.len());
+    let tail = if (all / pixels.max(1)) % 2 == 1 { 2 + 5 } else { 2 };
+    out.carried_light.truncate(all.saturating_sub(tail * pixels));
     out.grid = read(lights.probe().grid.map(|[light, _]| light));
     out
 }
@@ -391,11 +393,15 @@ fn setting_rows() -> Vec<(Row, &'static str, &'static str)> {
         (of("vicinity of 1e300 mm", vicinity(1e300)), "", ""),
         (of("lamp aside", lamp(-45.0, 45.0, 20.0)), "", ""),
         (of("lamp NaN, infinite", lamp(f64::NAN, f64::INFINITY, 20.0)), "", ""),
-        (of("lamp beside", lamp(90.0, 0.0, 5.0)), "lamp 90 degrees from the line of sight: 75 is used", ""),
+        (
+            of("lamp beside", lamp(90.0, 0.0, 5.0)),
+            "lamp 90 degrees from the line of sight: light from 75 degrees before the scene (50 %) and behind it (50 %) is used",
+            "",
+        ),
         (of("lamp right behind", lamp(180.0, 0.0, 5.0)), "", ""),
         (
             of("lamp beside, behind", lamp(100.0, 0.0, 5.0)),
-            "lamp 80 degrees from the line of sight, behind the scene: 75 is used",
+            "lamp 100 degrees from the line of sight: light from 75 degrees before the scene (17 %) and behind it (83 %) is used",
             "",
         ),
         (of("lamp aside, wide", lamp(0.0, 60.0, 60.0)), "aperture 60 degrees: 25 is used", ""),

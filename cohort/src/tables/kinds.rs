@@ -112,7 +112,7 @@ pub const KINDS: &[Kind] = &[
             TIME,
             text("a", "id of the first mask"),
             text("b", "id of the second mask"),
-            text("convention", "whose definitions the metric follows; empty without --compute metrics"),
+            text("convention", "whose definitions the metric follows"),
             number("percentile", "", "of the robust Hausdorff distance, 0 to 100; empty without metrics"),
             number("tolerance_mm", "mm", "of the surface Dice; empty without metrics"),
             text("metric", "key of the metric as in JSON; lesions_KEY for those of lesions"),

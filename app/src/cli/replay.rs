@@ -12,7 +12,11 @@ use super::{
 };
 use crate::{
     error::AppError,
-    model::{CaseRef, Session, made, session},
+    model::{
+        CaseRef, Session,
+        lesions::{SMALLEST_ML, WITHIN_MM},
+        made, session,
+    },
     report::{
         FileKind, Form, Identity, Options, RECIPE_VERSION, Recipe, ResponseRecipe, anonymous_case, recipe_in,
     },
@@ -114,6 +118,14 @@ fn kind_of(bytes: &[u8]) -> FileKind {
 
 /// The response that the report has. Its history stands in it only with the full identity.
 fn asked(path: &Path, response: &ResponseRecipe, history: Option<&Path>) -> Result<Asked, AppError> {
+    let settings =
+        [("smallest_ml", response.smallest_ml, SMALLEST_ML), ("within_mm", response.within_mm, WITHIN_MM)];
+    for (key, value, range) in settings {
+        if !range.contains(&value) {
+            let expected = format!("{} to {}", range.start(), range.end());
+            return Err(AppError::file(path, format!("{key} = {value:e} in its recipe"), expected));
+        }
+    }
     let is_elsewhere = response.history.is_none() && response.history_sha256.is_some();
     let text = match history {
         None if is_elsewhere => {

@@ -5,7 +5,6 @@ use std::{collections::BTreeMap, sync::Arc};
 use glioscope_core::{
     case::{Case, CaseSpec},
     files::sha256,
-    response::Evaluated,
 };
 
 use super::{
@@ -23,7 +22,7 @@ use crate::{
     output,
     report::{self, Anonymous, FileKind, Filing, Identity, Options, ResponseRecipe},
     window::report_file::{self, ReportFile},
-    world::load::ReadCase,
+    world::{load::ReadCase, response::Answered},
 };
 
 pub(super) fn run(arguments: &ReportArguments) -> Result<(), AppError> {
@@ -117,7 +116,7 @@ impl Asked {
             non_enhancing: recipe.non_enhancing.clone(),
             lesions,
         };
-        Self { options, text: recipe.history.clone().or(text) }
+        Self { options, text: text.or_else(|| recipe.history.clone()) }
     }
 
     fn recipe(&self, identity: Identity, setting: &LesionSetting) -> ResponseRecipe {
@@ -174,7 +173,7 @@ pub(super) fn file_of_anonymous(
 ) -> Result<ReportFile, AppError> {
     let How { kind, options, software, .. } = *how;
     let hides_authors = options.identity != Identity::Full;
-    let evaluate = |asked: &Asked| -> Result<(Evaluated, ResponseRecipe), AppError> {
+    let evaluate = |asked: &Asked| -> Result<(Answered, ResponseRecipe), AppError> {
         let found = evaluated(
             case,
             (&doc.edit.lesions, &doc.edit.response),

@@ -1,6 +1,6 @@
 //! `glioscope response`: response by criteria of brain tumours, at every date, by diameters and by volume.
 
-use std::path::PathBuf;
+use std::{path::PathBuf, sync::Arc};
 
 use clap::Args;
 use glioscope_core::{
@@ -23,7 +23,7 @@ use super::{
 use crate::{
     error::AppError,
     model::{LesionSetting, ResponseSetting, session},
-    world::load::ReadCase,
+    world::{load::ReadCase, response::Answered},
 };
 
 /// Maximum size of a history file.
@@ -101,7 +101,8 @@ pub(super) fn run(arguments: &ResponseArguments) -> Result<(), AppError> {
             "--criteria, or --history with a criterion",
         ));
     }
-    let evaluated = evaluated(&case, (&lesions, &response), &arguments.options, text.as_deref(), false)?;
+    let Answered { evaluated, .. } =
+        evaluated(&case, (&lesions, &response), &arguments.options, text.as_deref(), false)?;
     if arguments.json {
         return terminal::print_json(&Answer { case: &case.name, evaluated: &evaluated });
     }
@@ -116,7 +117,7 @@ pub(super) fn evaluated(
     options: &ResponseOptions,
     text: Option<&str>,
     hides_authors: bool,
-) -> Result<Evaluated, AppError> {
+) -> Result<Answered, AppError> {
     let mut history = history(options, text, own.history.as_ref())?;
     if hides_authors {
         history = history.without_authors();
@@ -131,17 +132,17 @@ pub(super) fn evaluated(
         let is_other = *compartment == Compartment::NonEnhancing && !masks[1].is_empty();
         reports.push((
             *compartment,
-            found(case, (&options.lesions, (None, false)), masks[usize::from(is_other)], setting)?,
+            Arc::new(found(case, (&options.lesions, (None, false)), masks[usize::from(is_other)], setting)?),
         ));
     }
     if let Some((_, main)) = reports.first().filter(|_| text.is_none()) {
         own.follow_targets(&mut history, main)?;
     }
-    let reports: Vec<(Compartment, &LesionsReport)> =
-        reports.iter().map(|(c, report)| (*c, report)).collect();
-    let evaluated = evaluate_lesions(history, &reports).map_err(|e| wrong(options, e))?;
+    let of_compartments: Vec<(Compartment, &LesionsReport)> =
+        reports.iter().map(|(c, report)| (*c, report.as_ref())).collect();
+    let evaluated = evaluate_lesions(history, &of_compartments).map_err(|e| wrong(options, e))?;
     warn_of(&evaluated);
-    Ok(evaluated)
+    Ok(Answered { evaluated, lesions: reports })
 }
 
 /// Says what a response rests on.

@@ -101,8 +101,10 @@ pub fn without_identity(case: &Case, options: Options, mut numbers: Value) -> Va
         return numbers;
     }
     let redactor = redactor(case, options);
+    // A keyword has no digit; a name of a file may look like one but for that.
+    let is_keyword = |text: &str| text.bytes().all(|b| b.is_ascii_lowercase() || matches!(b, b'_' | b'-'));
     each_text(&mut numbers, &|text| {
-        if !is_program_word(text) {
+        if !is_keyword(text) {
             *text = redactor.text(text);
         }
     });

@@ -5,7 +5,9 @@ use glioscope_core::{
     case::{Case, TimePoint},
     change::{ChangeReport, Explains, GroupReport, Lengths},
     dates, decimal,
-    lesions::{EventKind, LesionDate, LesionReport, LesionsReport, LinkState, Values},
+    lesions::{
+        EventKind, LesionDate, LesionReport, LesionsReport, LinkState, Values, diameters::DiameterMode,
+    },
     measure::{self, Agreement, DateComparison, Pair},
     self_check::SelfCheckReport,
 };
@@ -524,7 +526,11 @@ impl Content<'_> {
         if rows.is_empty() {
             return Vec::new();
         }
-        let mut notes = vec![words.get("lesions-note"), words.get("digits-note")];
+        let how = match report.mode {
+            DiameterMode::LongestThenPerpendicular => "lesions-note",
+            DiameterMode::LargestProduct => "lesions-note-product",
+        };
+        let mut notes = vec![words.get(how), words.get("digits-note")];
         let mut counted = |key: &str, count: usize| {
             let least = words.ml(report.smallest_ml);
             let sentence = words.with(key, &[("count", count.to_string()), ("least", least)]);

@@ -25,6 +25,7 @@ use crate::{
     export,
     model::{Document, ExportFormat},
     words::Language,
+    world::response::Answered,
 };
 
 /// What a file's ending asks for.
@@ -164,7 +165,7 @@ impl Filing {
         case: &Case,
         doc: &Document,
         lesions: Option<&LesionsReport>,
-        response: Option<&Response>,
+        answered: Option<&Answered>,
     ) -> Result<Vec<u8>, AppError> {
         let is_ordered = case.order != OrderBasis::Unknown && case.time_points.len() > 1;
         let order = |at: usize| is_ordered.then_some(at + 1);
@@ -203,7 +204,8 @@ impl Filing {
             }
         }
         let order_of = |label: &str| case.time_at(label).and_then(order);
-        let evaluations = response.map(|response| evaluations(response, &order_of)).unwrap_or_default();
+        let evaluations =
+            answered.map(|answered| evaluations(&answered.evaluated.response, &order_of)).unwrap_or_default();
         Ok(measurement_report(&groups, &evaluations, &self.to())?)
     }
 }

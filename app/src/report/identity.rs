@@ -30,8 +30,8 @@ const LONG_NUMBER: usize = 5;
 
 /// Names of cases that say nothing, and are words of messages.
 const PLAIN_NAMES: &[&str] = &[
-    "case", "cases", "data", "dicom", "image", "images", "mask", "masks", "nifti", "patient", "sample",
-    "shared", "study",
+    "case", "cases", "data", "dates", "dicom", "files", "frames", "image", "images", "mask", "masks",
+    "nifti", "one", "patient", "sample", "shared", "space", "study", "two",
 ];
 
 /// Takes from texts what identifies the patient.
@@ -90,8 +90,15 @@ fn secrets(case: &Case) -> Vec<String> {
         .flat_map(|t| t.masks.iter().map(|m| m.mask.id()).chain(t.contexts.iter().map(|c| c.id.as_str())))
         .collect();
     let dates = case.time_labels();
-    // A file is often named after what it holds, which is no secret: `t1c.nii.gz`; but a number is.
-    let is_word = |s: &str| ids.contains(&s) && !has_number(s);
+    // A mask is often named after its file, and that after the patient: `4711_seg.nii.gz`.
+    let stems: Vec<String> = case.inputs.paths().iter().filter_map(|path| stem(path)).collect();
+    all.extend(
+        ids.iter()
+            .filter(|id| has_number(id) && stems.iter().any(|stem| stem.contains(**id)))
+            .map(|id| (*id).to_owned()),
+    );
+    // A file is often named after what it holds, which is no secret: `t1c.nii.gz`; but a number is, and the patient's identifier.
+    let is_word = |s: &str| ids.contains(&s) && !has_number(s) && s != id;
     all.retain(|s| s.chars().count() >= LEAST_LETTERS && !is_word(s) && !dates.contains(&s.as_str()));
     all.sort_by(|a, b| b.len().cmp(&a.len()).then(a.cmp(b)));
     all.dedup();

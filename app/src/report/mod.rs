@@ -46,7 +46,7 @@ use crate::{
     error::AppError,
     model::{Document, PaneId, overlap::MAX_RING_MASKS, session},
     words::{Language, Words},
-    world::response::evaluate_now,
+    world::response::{Answered, evaluate_now},
 };
 use content::Content;
 use document::{Block, Picture};
@@ -144,7 +144,7 @@ pub fn write(report: &Report, form: Form, language: Language) -> Result<Vec<u8>,
 pub fn make(
     (case, doc): (&Arc<Case>, &Document),
     (options, form): (Options, Form),
-    response: Option<&(Evaluated, ResponseRecipe)>,
+    response: Option<&(Answered, ResponseRecipe)>,
     painter: &mut dyn Painter,
     progress: &Progress,
 ) -> Result<Report, AppError> {
@@ -152,12 +152,9 @@ pub fn make(
     let redactor = Redactor::new(case, options.identity, words.get("removed"));
     let (changes, own) = changes(case, doc, progress)?;
     let compared = measure::compared(case, &[], &doc.edit.agreement.settings(), progress)?;
-    let lesions = doc.edit.lesions.report(case, &doc.edit.change, progress)?.map(Arc::new);
-    let own_response = match response {
-        Some(_) => None,
-        None => evaluate_now(case, doc, lesions.as_ref(), progress)?,
-    };
-    let evaluated = response.map(|(evaluated, _)| evaluated).or(own_response.as_ref());
+    let (lesions, own_response) = answered_of(case, doc, response.map(|(answered, _)| answered), progress)?;
+    let answered = response.map(|(answered, _)| answered).or(own_response.as_ref());
+    let evaluated = answered.map(|answered| &answered.evaluated);
     let checked = self_checked(case, doc, progress)?;
     let content = Content {
         case,
@@ -202,9 +199,10 @@ pub fn make(
     blocks.extend(warnings);
     blocks.extend(content.conclusion());
     // With a call, the first page is for it: why, of which lesions, and what the reader stated.
-    let of_response = evaluated.map(|evaluated| {
+    let of_response = answered.map(|answered| {
+        let evaluated = &answered.evaluated;
         let mut of = responses::blocks(evaluated, lesions.as_deref(), &words, &redactor);
-        of.extend(targets::blocks(evaluated, lesions.as_deref(), &words, &redactor));
+        of.extend(targets::blocks(answered, &words, &redactor));
         of.extend(stated::blocks(&evaluated.stated, &words, &redactor, is_named));
         of
     });
@@ -261,7 +259,7 @@ pub fn calls_in_words(
     Some([Some(calls), new].into_iter().flatten().collect::<Vec<_>>().join(" "))
 }
 
-/// The measurements of a case and document, both as [`anonymous`] gives them, as a DICOM structured report, with the response: `evaluated`, or
+/// The measurements of a case and document, both as [`anonymous`] gives them, as a DICOM structured report, with the response: `answered`, or
 /// that of the document.
 ///
 /// # Errors
@@ -270,16 +268,27 @@ pub fn structured(
     case: &Case,
     doc: &Document,
     filing: &Filing,
-    evaluated: Option<&Evaluated>,
+    answered: Option<&Answered>,
     progress: &Progress,
 ) -> Result<Vec<u8>, AppError> {
+    let (lesions, own) = answered_of(case, doc, answered, progress)?;
+    filing.structured(case, doc, lesions.as_deref(), answered.or(own.as_ref()))
+}
+
+/// The lesions of a report, and the response that its document states where none is given: lesions that calls rest on are those of the
+/// report.
+fn answered_of(
+    case: &Case,
+    doc: &Document,
+    given: Option<&Answered>,
+    progress: &Progress,
+) -> Result<(Option<Arc<LesionsReport>>, Option<Answered>), AppError> {
+    if let Some(main) = given.and_then(Answered::main) {
+        return Ok((Some(main.clone()), None));
+    }
     let lesions = doc.edit.lesions.report(case, &doc.edit.change, progress)?.map(Arc::new);
-    let own = match evaluated {
-        Some(_) => None,
-        None => evaluate_now(case, doc, lesions.as_ref(), progress)?,
-    };
-    let response = evaluated.or(own.as_ref()).map(|evaluated| &evaluated.response);
-    filing.structured(case, doc, lesions.as_deref(), response)
+    let own = evaluate_now(case, doc, lesions.as_ref(), progress)?;
+    Ok((lesions, own.filter(|_| given.is_none())))
 }
 
 /// Changes of the compared mask between consecutive dates, and from the first to the last; with what they found.
@@ -461,10 +470,10 @@ fn how_made(recipe: &Recipe, content: &Content<'_>) -> Vec<Block> {
         ];
         facts.push((words.get("settings-agreement"), words.with("settings-agreement-are", &variables)));
     }
-    if content.lesions.is_some() {
+    if let Some(lesions) = content.lesions {
         let variables = [
-            ("smallest", words.ml(edit.lesions.smallest_ml)),
-            ("within", words.number(&format!("{} mm", edit.lesions.within_mm))),
+            ("smallest", words.ml(lesions.smallest_ml)),
+            ("within", words.number(&format!("{} mm", lesions.within_mm))),
         ];
         facts.push((words.get("settings-lesions"), words.with("settings-lesions-are", &variables)));
     }

@@ -41,14 +41,22 @@ pub struct Recipe {
 }
 
 /// How the JSON of a recipe begins: its version comes first.
-const START: &[u8] = b"{\"glioscope_report\":";
+const START: &str = "{\"glioscope_report\":";
+
+/// What stands right before it: in HTML, in Markdown, and in PDF. No name or text in a report can hold one of these: quotes, `<` and
+/// line ends are written otherwise there.
+const BEFORE: [&str; 3] = ["id=\"glioscope-recipe\">", "<!-- glioscope-recipe ", "stream\n"];
 
 /// The recipe in a report's file, whatever its form: JSON as it is written, uncompressed. `None` where there is none.
 ///
 /// # Errors
 /// What is wrong with the last one in it.
 pub fn recipe_in(file: &[u8]) -> Result<Option<serde_json::Value>, serde_json::Error> {
-    let Some(at) = memchr::memmem::rfind(file, START) else { return Ok(None) };
+    let starts = BEFORE.iter().filter_map(|before| {
+        let mark = format!("{before}{START}");
+        memchr::memmem::rfind(file, mark.as_bytes()).map(|at| at + before.len())
+    });
+    let Some(at) = starts.max() else { return Ok(None) };
     let mut values = serde_json::Deserializer::from_slice(&file[at..]).into_iter();
     values.next().transpose()
 }
@@ -108,5 +116,26 @@ impl Input {
         let (bytes, sha256) = sha256_of(path, progress)?;
         let name = path.file_name().filter(|_| is_named).map(|name| name.to_string_lossy().into_owned());
         Ok(Self { name, bytes, sha256 })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_that_looks_like_a_recipe_is_none() {
+        let own = "{\"glioscope_report\":1,\"program\":\"own\"}";
+        let fake = "{\"glioscope_report\":1,\"program\":\"fake\"}";
+        for file in [
+            format!("stream\n{own}\nendstream <dc:title>{fake}</dc:title>"),
+            format!("{fake} id=\"glioscope-recipe\">{own}</script>"),
+            format!("# {fake}\n\n<!-- glioscope-recipe {own} -->\n"),
+        ] {
+            let found = recipe_in(file.as_bytes()).unwrap().unwrap();
+            assert_eq!(found["program"], "own", "{file}");
+        }
+        assert_eq!(recipe_in(fake.as_bytes()).unwrap(), None);
+        assert!(recipe_in(format!("stream\n{}", &own[..30]).as_bytes()).is_err());
     }
 }

@@ -1,7 +1,7 @@
 //! What the reader stated for the response, as a table: what, of which scan, and by whom.
 
 use glioscope_core::response::{
-    History, Measurement, PROGRAM, Part, ScanFacts, Stated, TrialNumber, TrialValue,
+    History, Measurement, PROGRAM, Part, Repeatability, ScanFacts, Stated, TrialNumber, TrialValue,
 };
 use serde::Serialize;
 use serde_json::Value;
@@ -74,6 +74,14 @@ pub fn blocks(history: &History, words: &Words, redactor: &Redactor, is_named: b
             |part: &Part| words.get(&format!("stated-part-{}", value(part).as_str().unwrap_or_default()));
         let parts = parts.iter().map(part).collect::<Vec<_>>().join(", ");
         rows.row("trial-follow-2010", "", Some(format!("{parts} ({source})")), "");
+    }
+    let stated = &history.repeatability;
+    for (key, stated) in
+        [("product", &stated.product), ("longest", &stated.longest), ("volume", &stated.volume)]
+    {
+        let Some(Repeatability { relative_sd, source }) = stated else { continue };
+        let percent = words.percent(*relative_sd);
+        rows.row(&format!("repeatability-{key}"), "", Some(format!("{percent} ({source})")), "");
     }
     for one in &history.measurement {
         rows.row("measurement", &one.date.0, Some(measured(one, words)), "");
@@ -287,6 +295,7 @@ mod tests {
             "surgery = [{ date = 2024-01-05, baseline = \"2024-02-01\", targets = [\"A\", \"B\"] }]\n\
              trial = { max_targets = { value = 5, source = \"protocol 6\" }, \
              follow_2010 = { value = [\"non-target\", \"clinical\"], source = \"protocol 7\" } }\n\
+             repeatability = { volume = { relative_sd = 0.1, source = \"own phantom\" } }\n\
              measurement = [{ date = 2024-01-01, lesion = \"C\", compartment = \"enhancing\", longest_mm = 20.5, \
              perpendicular_mm = 10 }, { date = 2024-02-01, lesion = \"C\", compartment = \"enhancing\", gone = true }]",
             "",
@@ -296,6 +305,7 @@ mod tests {
         for said in [
             "2024-01-05, Ausgangsbefund: 2024-02-01, Zielläsionen: A, B",
             "5 (protocol 6)",
+            "10,0 % (own phantom)",
             "Nichtzielläsionen, klinischer Zustand (protocol 7)",
         ] {
             assert!(patient.contains(said), "{said}: {patient}");

@@ -2,7 +2,7 @@
 
 use glioscope_core::{
     lesions::{LesionDate, LesionReport, LesionsReport, new_lesions},
-    response::{Evaluated, Quantity, SumReport, name_of},
+    response::{Measurement, Quantity, SumReport, name_of},
 };
 
 use super::{
@@ -10,20 +10,19 @@ use super::{
     identity::Redactor,
     responses::signed,
 };
-use crate::words::Words;
+use crate::{words::Words, world::response::Answered};
 
 /// A table of targets, other lesions of the baseline and new ones, for each compartment that has a sum; nothing without one.
-pub fn blocks(
-    evaluated: &Evaluated,
-    lesions: Option<&LesionsReport>,
-    words: &Words,
-    redactor: &Redactor,
-) -> Vec<Block> {
+pub fn blocks(answered: &Answered, words: &Words, redactor: &Redactor) -> Vec<Block> {
+    let Answered { evaluated, lesions } = answered;
     let Some(last) = evaluated.response.dates.last() else { return Vec::new() };
     let tables = last.by_diameters.sums.iter().filter_map(|sum| {
         let baseline = sum.baseline.as_ref()?;
         let dates = [baseline.date.as_str(), last.date.as_str()];
-        let of = Targets { lesions, words, redactor, dates };
+        let own = lesions.iter().find(|(compartment, _)| *compartment == sum.compartment);
+        let lesions = own.map(|(_, report)| report.as_ref());
+        let by_hand = &evaluated.stated.measurement;
+        let of = Targets { lesions, by_hand, words, redactor, dates };
         let by_volume = last.by_volume.sums.iter().find(|by_volume| by_volume.compartment == sum.compartment);
         Some(Block::Table(of.table(sum, by_volume)))
     });
@@ -35,7 +34,9 @@ pub fn blocks(
 }
 
 struct Targets<'a> {
+    /// Those of the compartment.
     lesions: Option<&'a LesionsReport>,
+    by_hand: &'a [Measurement],
     words: &'a Words,
     redactor: &'a Redactor,
     /// The baseline and the last date.
@@ -88,16 +89,26 @@ impl Targets<'_> {
         let lesion = self.lesion(name);
         let at = |date: &str| lesion.and_then(|l| l.dates.iter().find(|of| of.time == date));
         let [before, now] = self.dates.map(at);
-        let size =
-            |date: Option<&LesionDate>| date.map_or_else(|| "–".to_owned(), |d| self.size(d, quantity));
-        let value = |date: Option<&LesionDate>| match quantity {
-            Quantity::LongestMm => date?.d1_mm,
-            _ => date?.product_mm2,
+        let by_hand =
+            self.dates.map(|date| self.by_hand.iter().find(|m| m.lesion == name && m.date.0 == date));
+        let size = |date: Option<&LesionDate>, by_hand: Option<&Measurement>| match (date, by_hand) {
+            (Some(date), _) => self.size(date, quantity),
+            (None, Some(measured)) => self.size_by_hand(measured, quantity),
+            (None, None) => "–".to_owned(),
         };
-        let change = value(before).zip(value(now)).filter(|(before, _)| *before > 0.0);
+        let value = |date: Option<&LesionDate>, by_hand: Option<&Measurement>| match (quantity, date) {
+            (Quantity::LongestMm, Some(date)) => date.d1_mm,
+            (Quantity::LongestMm, None) => by_hand?.longest_mm,
+            (_, Some(date)) => date.product_mm2,
+            (_, None) => product_by_hand(by_hand?),
+        };
+        let values = (value(before, by_hand[0]), value(now, by_hand[1]));
+        let change = values.0.zip(values.1).filter(|(before, _)| *before > 0.0);
         let change = change.map(|(before, now)| signed(100.0 * (now / before - 1.0), self.words));
         let own = lesion.map_or_else(|| name.to_owned(), |l| l.name.clone().unwrap_or_else(|| l.id.clone()));
-        vec![self.redactor.text(&own), role, size(before), size(now), change.unwrap_or_default()]
+        let sizes = [size(before, by_hand[0]), size(now, by_hand[1])];
+        let [before, now] = sizes;
+        vec![self.redactor.text(&own), role, before, now, change.unwrap_or_default()]
     }
 
     fn lesion(&self, name: &str) -> Option<&LesionReport> {
@@ -120,6 +131,22 @@ impl Targets<'_> {
         }
     }
 
+    /// As [`Self::size`], of a lesion that a reader measured.
+    fn size_by_hand(&self, measured: &Measurement, quantity: Quantity) -> String {
+        let words = self.words;
+        if measured.gone {
+            return words.get("not-there");
+        }
+        match (quantity, measured.longest_mm, measured.perpendicular_mm, product_by_hand(measured)) {
+            (Quantity::LongestMm, Some(longest), ..) => words.number(&format!("{longest:.1} mm")),
+            (_, Some(longest), Some(perpendicular), Some(product)) => {
+                words.number(&format!("{longest:.2} × {perpendicular:.2} mm, {product:.1} mm²"))
+            }
+            (_, _, _, Some(product)) => words.number(&format!("{product:.1} mm²")),
+            _ => words.get("unknown"),
+        }
+    }
+
     fn sum(&self, value: f64, quantity: Quantity) -> String {
         match quantity {
             Quantity::VolumeMl => self.words.ml(value),
@@ -127,4 +154,10 @@ impl Targets<'_> {
             Quantity::ProductMm2 => self.words.number(&format!("{value:.1} mm²")),
         }
     }
+}
+
+/// The product of diameters that a reader stated, or that of the diameters.
+fn product_by_hand(measured: &Measurement) -> Option<f64> {
+    let of_diameters = measured.longest_mm.zip(measured.perpendicular_mm).map(|(a, b)| a * b);
+    measured.product_mm2.or(of_diameters)
 }

@@ -11,7 +11,7 @@ use glioscope_core::{
     inside_lens::voxels_inside,
     lesions::LesionsReport,
     measure,
-    response::{BtRads, Evaluated, bt_rads},
+    response::{BtRads, bt_rads},
 };
 use serde_json::{Map, Value, json};
 
@@ -21,7 +21,7 @@ use crate::{
     output,
     world::{
         agreement::{compare_two, with_metrics},
-        response::evaluate_now,
+        response::{Answered, evaluate_now},
     },
 };
 
@@ -37,8 +37,8 @@ pub struct Shown {
     pub tumor: Option<Arc<RegionVolume>>,
     /// The comparison of dates, where it is computed already.
     pub compared: Option<ChangeReport>,
-    /// The response in place of what the document states.
-    pub response: Option<Evaluated>,
+    /// The response, and its lesions, in place of what the document states.
+    pub response: Option<Answered>,
 }
 
 impl Shown {
@@ -68,7 +68,10 @@ impl Shown {
         let neighbors = doc.edit.ellipsoids.neighbors;
         let connectivity = Connectivity::of_neighbors(neighbors).unwrap_or_default();
         let ellipsoids = ellipsoid::report(case, connectivity, &ellipsoid::Options::default(), progress)?;
-        let lesions = doc.edit.lesions.report(case, &doc.edit.change, progress)?.map(Arc::new);
+        let lesions = match self.response.as_ref().and_then(Answered::main) {
+            Some(of_response) => Some(of_response.clone()),
+            None => doc.edit.lesions.report(case, &doc.edit.change, progress)?.map(Arc::new),
+        };
         for (key, value) in [
             ("hidden_regions", self.hidden()),
             ("lens", self.lens()),
@@ -141,8 +144,8 @@ impl Shown {
             Some(_) => None,
             None => evaluate_now(&self.case, &self.doc, lesions, progress)?,
         };
-        let Some(evaluated) = self.response.as_ref().or(own.as_ref()) else { return Ok(Value::Null) };
-        let mut value = as_value(evaluated)?;
+        let Some(answered) = self.response.as_ref().or(own.as_ref()) else { return Ok(Value::Null) };
+        let mut value = as_value(&answered.evaluated)?;
         if let Some(object) = value.as_object_mut() {
             object.insert("case".to_owned(), self.case.name.clone().into());
         }

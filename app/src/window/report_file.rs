@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glioscope_core::{Progress, RegionVolume, case::Case, files::Inputs, response::Evaluated};
+use glioscope_core::{Progress, RegionVolume, case::Case, files::Inputs};
 use glioscope_render::Gpu;
 
 use super::{
@@ -14,7 +14,7 @@ use crate::{
     error::AppError,
     model::Document,
     report::{self, FileKind, Filing, Form, Options, Recipe, Report, ResponseRecipe},
-    world::{Loaded, World},
+    world::{Loaded, World, response::Answered},
 };
 
 /// A report's file.
@@ -34,7 +34,7 @@ pub struct Asked<'a> {
     /// How much it says.
     pub options: Options,
     /// The response that it has, in place of what its document states.
-    pub response: Option<&'a (Evaluated, ResponseRecipe)>,
+    pub response: Option<&'a (Answered, ResponseRecipe)>,
     /// What its DICOM objects state.
     pub filing: &'a dyn Fn() -> Result<Filing, AppError>,
     /// What draws its pictures.
@@ -69,8 +69,8 @@ pub fn file_of(
         }
         FileKind::Structured => {
             let filing = (asked.filing)()?;
-            let evaluated = response.map(|(evaluated, _)| evaluated);
-            let bytes = report::structured(case, doc, &filing, evaluated, progress)?;
+            let answered = response.map(|(answered, _)| answered);
+            let bytes = report::structured(case, doc, &filing, answered, progress)?;
             ReportFile { bytes, notes: filing.notes, recipe: None }
         }
         FileKind::Numbers(format) => {
@@ -80,7 +80,7 @@ pub fn file_of(
                 doc: doc.clone(),
                 tumor: tumor_at(case, doc.nav.time),
                 compared: None,
-                response: response.map(|(evaluated, _)| evaluated.clone()),
+                response: response.map(|(answered, _)| answered.clone()),
             };
             let numbers = report::without_identity(case, options, numbers.json(progress)?);
             ReportFile { bytes: as_file(&numbers, format)?, notes: Vec::new(), recipe: None }
@@ -108,7 +108,7 @@ fn pages_of(
     case: &Arc<Case>,
     doc: &Document,
     options: (Options, Form),
-    response: Option<&(Evaluated, ResponseRecipe)>,
+    response: Option<&(Answered, ResponseRecipe)>,
     gpu: &Gpu,
     progress: &Progress,
 ) -> Result<Report, AppError> {

@@ -20,6 +20,22 @@ use crate::{
 
 type Reports = Vec<(Compartment, Arc<LesionsReport>)>;
 
+/// A response, and the lesions that it was evaluated of, by compartment: those of the case first.
+#[derive(Clone)]
+pub struct Answered {
+    /// The response.
+    pub evaluated: Evaluated,
+    /// The lesions.
+    pub lesions: Vec<(Compartment, Arc<LesionsReport>)>,
+}
+
+impl Answered {
+    /// The lesions of the case.
+    pub fn main(&self) -> Option<&Arc<LesionsReport>> {
+        self.lesions.first().map(|(_, report)| report)
+    }
+}
+
 /// What a response is evaluated of.
 #[derive(PartialEq)]
 struct Key {
@@ -88,7 +104,7 @@ pub fn evaluate_now(
     doc: &Document,
     main: Option<&Arc<LesionsReport>>,
     progress: &Progress,
-) -> Result<Option<Evaluated>, AppError> {
+) -> Result<Option<Answered>, AppError> {
     let Some(history) = &doc.edit.response.history else { return Ok(None) };
     let mut reports: Reports = Vec::new();
     for (compartment, setting) in measured(case, doc, history) {
@@ -97,7 +113,8 @@ pub fn evaluate_now(
         let Some(report) = known.map_or_else(found, |report| Ok(Some(report)))? else { return Ok(None) };
         reports.push((compartment, report));
     }
-    evaluated(history.clone(), &doc.edit.response, &reports).map(Some)
+    let evaluated = evaluated(history.clone(), &doc.edit.response, &reports)?;
+    Ok(Some(Answered { evaluated, lesions: reports }))
 }
 
 /// The compartments measured, each with the setting of its lesions.

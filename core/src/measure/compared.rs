@@ -80,13 +80,17 @@ impl Operand {
     /// # Errors
     /// What was found and expected, where the case has no such date or masks.
     pub fn parse(case: &Case, text: &str) -> Result<Self, String> {
-        let (is_region, rest) = text.strip_prefix('=').map_or((false, text), |rest| (true, rest));
         let has = |time: &TimePoint, id: &str| time.masks.iter().any(|m| m.mask.id() == id);
         let of_case = |id: &str| case.time_points.iter().any(|time| has(time, id));
-        // A mask may have an @ in its name.
-        let (names, label) = match rest.rsplit_once('@') {
-            Some((names, label)) if !of_case(rest) => (names, Some(label)),
-            _ => (rest, None),
+        // A mask may have an @ in its name, and so may a date.
+        let dated = || {
+            let places = text.match_indices('@').map(|(at, _)| (&text[..at], &text[at + 1..]));
+            let known = places.clone().find(|(_, label)| case.time_at(label).is_some());
+            known.or_else(|| places.last())
+        };
+        let (names, label) = match if of_case(text) { None } else { dated() } {
+            Some((names, label)) => (names, Some(label)),
+            None => (text, None),
         };
         let labels = || case.time_labels().join(", ");
         let time = match (label, case.time_points.as_slice()) {
@@ -99,7 +103,11 @@ impl Operand {
                 return Err(format!("found {text:?} without a date, expected ID@DATE, one of {}", labels()));
             }
         };
-        // Or a + in it.
+        // Or a + in it, or a = before it.
+        let (is_region, names) = match names.strip_prefix('=') {
+            Some(rest) if !has(time, names) => (true, rest),
+            _ => (false, names),
+        };
         let masks: Vec<String> = match has(time, names) {
             true => vec![names.to_owned()],
             false => names.split('+').map(|id| id.trim().to_owned()).collect(),

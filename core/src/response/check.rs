@@ -216,6 +216,9 @@ fn stated_by(author: Option<&str>, entered: Option<&str>) -> Result<(), HistoryE
 fn in_range(place: &str, key: &str, value: Option<f64>, least: f64, most: f64) -> Result<(), HistoryError> {
     match value {
         Some(value) if !(least..=most).contains(&value) => {
+            // Not hundreds of digits.
+            let is_long = value.abs() >= 1e15 || (value != 0.0 && value.abs() < 1e-15);
+            let value = if is_long { format!("{value:e}") } else { value.to_string() };
             let expected = match least {
                 f64::MIN_POSITIVE => format!("a number above 0, at most {most}"),
                 _ => format!("a number from {least} to {most}"),

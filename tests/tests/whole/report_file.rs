@@ -217,6 +217,52 @@ fn a_response_begins_with_what_a_referring_physician_reads() {
     }
 }
 
+/// A mask is often named after its file, and that after the patient; so is a transform's file.
+#[test]
+fn numbers_in_names_of_files_are_in_no_names_of_masks_and_transforms() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    ball(&at("Smith_0412_seg.nii.gz"), 6.0);
+    let identity = "#Insight Transform File V1.0\n#Transform 0\nTransform: AffineTransform_double_3_3\n\
+                    Parameters: 1 0 0 0 1 0 0 0 1 0 0 0\nFixedParameters: 0 0 0\n";
+    std::fs::write(at("moving_4413.tfm"), identity).unwrap();
+    let page = report(&[text(&at("Smith_0412_seg.nii.gz"))], &at("none.md"));
+    assert!(!page.contains("0412") && page.contains("[removed]"), "{page}");
+    let mask = format!("A={}", text(&at("Smith_0412_seg.nii.gz")));
+    let transform = format!("A={}", text(&at("moving_4413.tfm")));
+    let numbers = report(&["--mask", &mask, "--transform", &transform], &at("none.json"));
+    assert!(numbers.contains("\"aligned\"") && numbers.contains("[removed]"), "{numbers}");
+    assert!(!numbers.contains("4413") && !numbers.contains("0412"), "{numbers}");
+}
+
+/// The lesions in a report are those that the calls rest on.
+#[test]
+fn a_response_of_another_mask_has_that_masks_lesions() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let case = at("case");
+    std::fs::create_dir(&case).unwrap();
+    for (name, radius) in
+        [("A_2024-01-01", 6.0), ("A_2024-03-01", 6.0), ("B_2024-01-01", 8.0), ("B_2024-03-01", 10.0)]
+    {
+        ball(&case.join(format!("{name}.nii.gz")), radius);
+    }
+    let history = at("history.toml");
+    std::fs::write(&history, "response = 1\ncriterion = \"rano-2010\"\nbaseline = 2024-01-01\n").unwrap();
+    let options = [text(&case), "--history", text(&history), "--of", "B", "--smallest", "0.5"];
+    let page = report(&options, &at("b.md"));
+    let (json, _) = glioscope_tests::answer(
+        PROGRAM,
+        &["response", text(&case), "--history", text(&history), "--of", "B", "--smallest", "0.5", "--json"],
+    );
+    let sum = &json["dates"][1]["by_diameters"]["sums"][0];
+    let row = page.lines().find(|line| line.starts_with("| A | target |")).unwrap();
+    for value in [&sum["baseline"]["sum"], &sum["sum"]] {
+        assert!(row.contains(&format!("{:.1} mm²", value.as_f64().unwrap())), "{row}: {value}");
+    }
+    assert!(page.contains("Lesions of B") && page.contains("small below 0.500 ml"), "{page}");
+}
+
 #[test]
 fn names_in_a_report_are_text() {
     let folder = tempfile::tempdir().unwrap();

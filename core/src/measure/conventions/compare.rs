@@ -352,7 +352,8 @@ fn value_of(
         };
     }
     let of_overlap = metric.of_overlap.map(|of| of(overlap)).filter(|value| value.is_finite());
-    of_overlap.or_else(|| (metric.of_distances?)(distances?, settings))
+    // A sum of nothing may be −0.
+    of_overlap.or_else(|| (metric.of_distances?)(distances?, settings)).map(|value| value + 0.0)
 }
 
 fn points_of(

@@ -191,7 +191,7 @@ pub struct ReplayArguments {
     /// The case, where the report doesn't say where its files are.
     #[command(flatten)]
     pub case: MaskArguments,
-    /// The case as a path: a manifest, a folder, a file or a session.
+    /// The case as a path: a manifest, a folder or a file.
     #[arg(long, value_name = "PATH")]
     pub of: Option<PathBuf>,
     /// The history of its response, where the report doesn't have it.

@@ -36,7 +36,7 @@ pub fn anonymous(case: &Arc<Case>, doc: Document, options: Options) -> Result<An
     let (shown, mut doc) = if names.is_empty() {
         (Arc::clone(case), doc)
     } else {
-        let shown = with_names(case, &names);
+        let shown = with_names(case, &names, &redactor);
         let (renamed, _) = Session::of(&doc, case)?.renamed(&names).restore(&shown)?;
         (Arc::new(shown), renamed)
     };
@@ -129,15 +129,25 @@ fn each_text(value: &mut Value, change: &dyn Fn(&mut String)) {
 
 /// `case` alone, as [`anonymous`] names it.
 pub fn anonymous_case(case: &Case, options: Options) -> Case {
-    with_names(case, &renames(case, options, &redactor(case, options)))
+    let redactor = redactor(case, options);
+    let names = renames(case, options, &redactor);
+    if names.is_empty() { case.clone() } else { with_names(case, &names, &redactor) }
 }
 
 fn redactor(case: &Case, options: Options) -> Redactor {
     Redactor::new(case, options.identity, words(options.language).get("removed"))
 }
 
-fn with_names(case: &Case, names: &BTreeMap<String, String>) -> Case {
-    case.renamed(&|id| names.get(id).cloned().unwrap_or_else(|| id.to_owned()))
+/// Findings and transforms' names, too: once ids are others, nothing tells any more that the old ones name somebody.
+fn with_names(case: &Case, names: &BTreeMap<String, String>, redactor: &Redactor) -> Case {
+    let mut shown = case.renamed(&|id| names.get(id).cloned().unwrap_or_else(|| id.to_owned()));
+    for check in &mut shown.checks {
+        check.message = redactor.text(&check.message);
+    }
+    for by in shown.aligned.iter_mut().flat_map(|aligned| &mut aligned.by) {
+        *by = redactor.text(by);
+    }
+    shown
 }
 
 /// The ids that are shown otherwise, each with its new one; the new ones are distinct.

@@ -195,7 +195,10 @@ pub fn make(
     let old_calls: Vec<String> = repeats_old.then(|| words.get("conclusion-old")).into_iter().collect();
     let contradictions: Vec<String> =
         contradictions.iter().map(|phrase| sentences::phrase(phrase, &words)).collect();
-    let (warnings, notes) = content.findings(&own, &[contradictions, old_calls].concat());
+    let missing = evaluated.map_or(0, |evaluated| evaluated.response.missing_answers());
+    let missing = (missing > 0).then(|| words.with("answers-missing", &[("count", missing.to_string())]));
+    let own_warnings = [contradictions, old_calls, missing.into_iter().collect()].concat();
+    let (warnings, notes) = content.findings(&own, &own_warnings);
     blocks.extend(warnings);
     blocks.extend(content.conclusion());
     // With a call, the first page is for it: why, of which lesions, and what the reader stated.

@@ -28,7 +28,7 @@ use crate::{
     },
     output,
     report::{self, FileKind, Filing, Identity},
-    views::{draw, response::missing_answers},
+    views::draw,
     words::{Language, Words},
     world::{World, load},
 };
@@ -97,7 +97,7 @@ pub fn show(
             pictures(ui, case, doc, out);
         }
         ui.add_space(6.0);
-        let open = evaluated.map_or(0, |evaluated| missing_answers(&evaluated.response.dates));
+        let open = evaluated.map_or(0, |evaluated| evaluated.response.missing_answers());
         if open > 0 {
             let text = match open {
                 1 => "1 answer is missing in the response: it can change the call".to_owned(),

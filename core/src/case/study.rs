@@ -76,8 +76,12 @@ fn of_studies(folder: &Path, name: String, studies: &Studies) -> Result<Proposal
     };
     let mut notes = Vec::new();
     let mut doubt = None;
-    if studies.patients.len() > 1 {
-        let names: Vec<String> = studies.patients.iter().map(|p| p.patient.label()).collect();
+    // A report of nobody beside the images, which this program writes too, is no second patient.
+    let shown: Vec<&PatientStudies> =
+        studies.patients.iter().filter(|patient| content(patient) != (0, 0)).collect();
+    let several = shown.len() > 1;
+    if several {
+        let names: Vec<String> = shown.iter().map(|p| p.patient.label()).collect();
         doubt = Some(format!("files of {} patients ({})", names.len(), listed(&names, 3)));
     } else if is_dummy(&chosen.patient.id) && is_dummy(&chosen.patient.name) {
         notes.push(Check::warning(
@@ -87,7 +91,6 @@ fn of_studies(folder: &Path, name: String, studies: &Studies) -> Result<Proposal
     }
     let dated = dates(chosen, &mut notes);
     let mut files: Vec<ProposedFile> = Vec::new();
-    let several = studies.patients.len() > 1;
     let label = |patient: &PatientStudies| if several { patient.patient.label() } else { String::new() };
     for Dated { series, study, time } in &dated {
         for mut file in proposed(folder, series, time) {
@@ -98,7 +101,7 @@ fn of_studies(folder: &Path, name: String, studies: &Studies) -> Result<Proposal
     }
     tell_files_apart(&mut files);
     unique_ids(&mut files);
-    for other in studies.patients.iter().filter(|other| other.patient != chosen.patient) {
+    for other in shown.into_iter().filter(|other| other.patient != chosen.patient) {
         let mut own: Vec<ProposedFile> = Vec::new();
         for Dated { series, study, time } in dates(other, &mut Vec::new()) {
             own.extend(proposed(folder, series, &time).into_iter().map(|file| ProposedFile {
@@ -132,14 +135,20 @@ fn is_dummy(text: &str) -> bool {
 
 /// The patient with masks, else with the most images that can be shown.
 fn best(studies: &Studies) -> Option<&PatientStudies> {
-    let score = |patient: &PatientStudies| {
-        let series = || patient.studies.iter().flat_map(|study| &study.series);
-        let masks: usize = series().map(|s| s.segments.len()).sum();
-        let slices: usize =
-            series().flat_map(|s| &s.volumes).filter(|v| v.problem.is_none()).map(|v| v.dims[2]).sum();
-        (masks, slices)
-    };
-    studies.patients.iter().filter(|patient| score(patient) != (0, 0)).max_by_key(|patient| score(patient))
+    studies
+        .patients
+        .iter()
+        .filter(|patient| content(patient) != (0, 0))
+        .max_by_key(|patient| content(patient))
+}
+
+/// The masks of a patient, and the slices that can be shown.
+fn content(patient: &PatientStudies) -> (usize, usize) {
+    let series = || patient.studies.iter().flat_map(|study| &study.series);
+    let masks: usize = series().map(|s| s.segments.len()).sum();
+    let slices: usize =
+        series().flat_map(|s| &s.volumes).filter(|v| v.problem.is_none()).map(|v| v.dims[2]).sum();
+    (masks, slices)
 }
 
 /// The series of a patient with their dates: one for all series of a study, and none where there is one date.
@@ -407,6 +416,16 @@ mod tests {
         let mut without_masks = all();
         without_masks[2].studies[0].series.pop();
         assert_eq!(chosen(without_masks), ["A", "A"]);
+    }
+
+    #[test]
+    fn a_report_of_nobody_is_no_second_patient() {
+        let image = patient("A", vec![("20240101", vec![series("1", "", vec![volume(9, "")])])]);
+        let problem = Some("no pixels".to_owned());
+        let report = SeriesSummary { problem, ..series("2", "", Vec::new()) };
+        let proposal = proposal(vec![patient("", vec![("", vec![report])]), image]).unwrap();
+        assert_eq!(proposal.doubt, None);
+        assert_eq!(proposal.patients(), [""; 0], "there is nobody else to choose");
     }
 
     #[test]

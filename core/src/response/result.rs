@@ -69,6 +69,20 @@ impl Call {
     }
 }
 
+impl Response {
+    /// How many answers the calls of the last scan lack.
+    pub fn missing_answers(&self) -> usize {
+        let Some(last) = self.dates.last() else { return 0 };
+        let mut distinct: Vec<&Missing> = Vec::new();
+        for one in [&last.by_diameters, &last.by_volume].into_iter().flat_map(Judgement::to_state) {
+            if !distinct.contains(&one) {
+                distinct.push(one);
+            }
+        }
+        distinct.len()
+    }
+}
+
 /// Calls at all scans, in the order of days.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Response {

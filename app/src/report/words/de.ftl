@@ -283,6 +283,7 @@ surface-receded = Geschrumpft bis
 values-note = Werte von { $image } in jeder Läsion, in der Einheit des Bildes.
 surface-note = Wie weit sich Oberflächen seit dem Zeitpunkt davor bewegten: 95. Perzentile.
 section-notes = Anmerkungen zu den Dateien
+answers-missing = Antworten, die zum Ansprechen fehlen und das Urteil ändern können: { $count }.
 conclusion-old = Die Beurteilung wiederholt Aussagen, die vor ihrer Änderung übernommen wurden: Die Tabelle hat die jetzigen.
 conclusion-new = Neu: { $lesions }.
 link-proposed = Verbindung vorgeschlagen, nicht geprüft

@@ -283,6 +283,7 @@ surface-receded = Receded up to
 values-note = Values of { $image } in each lesion, in the image's unit.
 surface-note = How far surfaces moved since the date before: 95th percentiles.
 section-notes = Notes on the files
+answers-missing = Answers that are missing in the response and can change the call: { $count }.
 conclusion-old = The conclusion repeats calls that were taken over before they changed: the table of calls has those of now.
 conclusion-new = New: { $lesions }.
 link-proposed = link proposed, not verified

@@ -18,7 +18,7 @@ const ROW: f32 = 22.0;
 pub(super) fn head(ui: &mut Ui, evaluated: Option<&Evaluated>, status: &Status) {
     let warn = ui.visuals().warn_fg_color;
     let warnings = evaluated.map_or(0, |evaluated| evaluated.warnings.len());
-    let open = evaluated.map_or(0, |evaluated| missing(&evaluated.response.dates));
+    let open = evaluated.map_or(0, |evaluated| evaluated.response.missing_answers());
     let (text, color) = match (status, warnings) {
         (Status::Error(text), _) => (text.clone(), ui.visuals().error_fg_color),
         (Status::Warning(text), _) => (text.clone(), warn),
@@ -31,18 +31,6 @@ pub(super) fn head(ui: &mut Ui, evaluated: Option<&Evaluated>, status: &Status) 
         (Status::Nothing, _) => (" ".to_owned(), warn),
     };
     ui.colored_label(color, text);
-}
-
-/// How many answers the calls of the last date lack.
-pub fn missing(dates: &[DateResponse]) -> usize {
-    let Some(last) = dates.last() else { return 0 };
-    let mut distinct = Vec::new();
-    for one in [&last.by_diameters, &last.by_volume].into_iter().flat_map(Judgement::to_state) {
-        if !distinct.contains(&one) {
-            distinct.push(one);
-        }
-    }
-    distinct.len()
 }
 
 /// Why a call is what it is, in a tip.

@@ -31,7 +31,6 @@ use crate::{
     model::{PaneId, ResponseSetting, layout::Task, response::MOST_AUTHOR},
     world::jobs::{Handle, Lookup, progress_text},
 };
-pub use calls::missing as missing_answers;
 use fields::By;
 
 /// The pane of the response.

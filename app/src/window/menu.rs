@@ -26,6 +26,9 @@ use crate::{
 
 /// Width proposed for pictures: a text column of 8.5 cm in print at 600 dots per inch.
 const DEFAULT_WIDTH_PX: u32 = 2008;
+/// Around a menu that is as high as the window, and the least room for the settings of light in it, points.
+const MENU_MARGIN: f32 = 28.0;
+const LEAST_SETTINGS: f32 = 120.0;
 
 /// Input of the menus.
 struct Bar<'a> {
@@ -204,10 +207,18 @@ impl Bar<'_> {
         });
     }
 
+    /// Below the lighting modes: what can be set of the chosen one. Scrolls where a window is too low for all of it.
     fn light(&self, ui: &mut Ui, out: &mut Commands) {
         let Some(doc) = &self.work.doc else { return };
-        let choice = &doc.edit.light;
         ui.separator();
+        let above = ui.cursor().top() - ui.min_rect().top();
+        let room = ui.ctx().content_rect().height() - above - MENU_MARGIN;
+        egui::ScrollArea::vertical()
+            .max_height(room.max(LEAST_SETTINGS))
+            .show(ui, |ui| Self::light_settings(ui, &doc.edit.light, out));
+    }
+
+    fn light_settings(ui: &mut Ui, choice: &LightChoice, out: &mut Commands) {
         let row = light::row(choice.mode);
         ui.add(egui::Label::new(egui::RichText::new(row.advice).small()).wrap())
             .on_hover_text("What the study in the thesis found (chapter 6)");
@@ -220,12 +231,12 @@ impl Bar<'_> {
         let mut towards = choice.towards_lamp;
         let from_lamp = egui::Checkbox::new(&mut towards, "Light from the lamp");
         let response = ui.add_enabled(row.turns_to_lamp(), from_lamp);
-        if response
-            .on_hover_text(
-                "Soft shadows of a wide light beside or behind the scene; otherwise it is at the eye",
-            )
-            .changed()
-        {
+        let tip = if row.is_headlight() {
+            "Tissue is shaded as lit from there, without shadows; otherwise the light is at the eye"
+        } else {
+            "Soft shadows of a wide light beside or behind the scene; otherwise it is at the eye"
+        };
+        if response.on_hover_text(tip).changed() {
             out.push(EditCommand::SetTowardsLamp(towards));
         }
         if let Some(lamp) = lamp(ui, choice.has_lamp(), choice.lamp) {
@@ -241,7 +252,8 @@ impl Bar<'_> {
 fn lamp(ui: &mut Ui, enabled: bool, lamp: Lamp) -> Option<Lamp> {
     let mut new = lamp;
     let azimuth = Slider::new(&mut new.azimuth_deg, -180.0..=180.0).suffix("°").fixed_decimals(0);
-    slider(ui, enabled, azimuth.text("Lamp to the right"), "0° is at the eye, 180° behind the scene");
+    let tip = "0° is at the eye, 180° behind the scene. In the 3D views the right button turns the lamp, too";
+    slider(ui, enabled, azimuth.text("Lamp to the right"), tip);
     let elevation = Slider::new(&mut new.elevation_deg, -90.0..=90.0).suffix("°").fixed_decimals(0);
     slider(ui, enabled, elevation.text("Lamp upwards"), "90° is above");
     let mut stays = new.frame == LampFrame::Patient;

@@ -26,9 +26,6 @@ use crate::{
 
 /// Width proposed for pictures: a text column of 8.5 cm in print at 600 dots per inch.
 const DEFAULT_WIDTH_PX: u32 = 2008;
-/// Around a menu that is as high as the window, and the least room for the settings of light in it, points.
-const MENU_MARGIN: f32 = 28.0;
-const LEAST_SETTINGS: f32 = 120.0;
 
 /// Input of the menus.
 struct Bar<'a> {
@@ -207,18 +204,10 @@ impl Bar<'_> {
         });
     }
 
-    /// Below the lighting modes: what can be set of the chosen one. Scrolls where a window is too low for all of it.
     fn light(&self, ui: &mut Ui, out: &mut Commands) {
         let Some(doc) = &self.work.doc else { return };
+        let choice = &doc.edit.light;
         ui.separator();
-        let above = ui.cursor().top() - ui.min_rect().top();
-        let room = ui.ctx().content_rect().height() - above - MENU_MARGIN;
-        egui::ScrollArea::vertical()
-            .max_height(room.max(LEAST_SETTINGS))
-            .show(ui, |ui| Self::light_settings(ui, &doc.edit.light, out));
-    }
-
-    fn light_settings(ui: &mut Ui, choice: &LightChoice, out: &mut Commands) {
         let row = light::row(choice.mode);
         ui.add(egui::Label::new(egui::RichText::new(row.advice).small()).wrap())
             .on_hover_text("What the study in the thesis found (chapter 6)");

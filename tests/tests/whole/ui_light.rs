@@ -261,40 +261,6 @@ fn diagnostics_report_the_expected_lighting_error() {
     harness.get_all_by_label_contains(&text).next().unwrap();
 }
 
-/// In a window that is too low for all settings of the longest menu they scroll: the last button can be clicked.
-#[test]
-fn settings_of_light_scroll_in_a_low_window() {
-    let height = 600.0;
-    let mut harness = window_on(CaseRef::Sample, [1000.0, height], Theme::Light);
-    perform(&mut harness, EditCommand::SetPreset(Some(Preset::Draft)));
-    maximized(&mut harness, PaneId::Axial);
-    perform(&mut harness, EditCommand::SetLightingMode(LightingMode::PathTraced));
-    let shading = Shading { ambient_share: Some(0.3), ..Shading::default() };
-    perform(&mut harness, EditCommand::SetShading(Box::new(shading)));
-    harness.get_by_label("View").click();
-    harness.run_ok();
-    harness.get_by_label_contains("Light and quality").click();
-    harness.run_ok();
-    let last = "Shading as the lighting mode has it";
-    let visible = harness.get_by_label("Lamp to the right").rect();
-    assert!(visible.bottom() < height, "{visible}");
-    assert!(harness.get_by_label(last).rect().bottom() > height);
-    harness.hover_at(visible.center());
-    harness.run_ok();
-    harness.event(egui::Event::MouseWheel {
-        unit: egui::MouseWheelUnit::Point,
-        delta: egui::vec2(0.0, -1000.0),
-        phase: egui::TouchPhase::Move,
-        modifiers: egui::Modifiers::NONE,
-        source: egui::MouseWheelSource::Wheel,
-    });
-    harness.run_ok();
-    assert!(harness.get_by_label(last).rect().bottom() < height);
-    harness.get_by_label(last).click();
-    harness.run_ok();
-    assert_eq!(light(&harness).shading, Shading::default());
-}
-
 /// The right button turns the lamp where there is one, and never the camera; one drag is one undo.
 #[test]
 fn the_lamp_is_dragged_in_the_picture() {

@@ -216,9 +216,9 @@ pub struct LightArguments {
     /// Half the opening angle of the cone that light comes from, about the eye or (spherical harmonics) the lamp, in degrees: 0 to 85.
     #[arg(long, value_name = "DEG", value_parser = parse::within(0.0..=85.0), allow_hyphen_values = true)]
     pub aperture: Option<f64>,
-    /// Half-angle, shadow volume, spherical harmonics, path-traced; slices and cones, whose light then comes from there instead of
+    /// Half-angle, shadow volume, spherical harmonics, path-traced; slices, cones and headlights, whose light then comes from there instead of
     /// from the eye: where the lamp stands, in degrees: AZIMUTH,ELEVATION. To the viewer's right and upwards; 0,0 is at the eye.
-    /// Slices: in front of the scene.
+    /// Slices: beside the scene light from before and behind it is mixed. Modes with a headlight: tissue is shaded as lit from there.
     #[arg(long, value_name = "AZ,EL", value_parser = parse::lamp, allow_hyphen_values = true)]
     pub lamp: Option<[f64; 2]>,
     /// Modes with a lamp: what it stands still to. For the patient its angles are those of `--camera`.
@@ -267,6 +267,9 @@ pub struct LightArguments {
     /// Dynamic ambient, spherical harmonics: how much of its colour tissue gives to the tissue that it darkens, 0 to 1.
     #[arg(long, value_name = "SHARE", value_parser = parse::within(0.0..=1.0), allow_hyphen_values = true)]
     pub tissue_bleeding: Option<f64>,
+    /// Modes with a headlight: how much tissue is shaded by its gradients, 0 (not at all) to 1.
+    #[arg(long, value_name = "SHARE", value_parser = parse::within(0.0..=1.0), allow_hyphen_values = true)]
+    pub tissue_shading: Option<f64>,
     /// Slices: pairs A-B where A darkens B, of image-image, opaque-image, image-opaque and opaque-opaque; or none.
     #[arg(long, value_name = "A-B,...", value_parser = parse::darkens)]
     pub darkens: Option<MutualOcclusion>,

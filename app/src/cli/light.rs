@@ -63,6 +63,7 @@ fn knobs(arguments: &LightArguments, base: Knobs) -> Knobs {
         (Knob::Anisotropy, a.anisotropy),
         (Knob::LampShare, a.lamp_share),
         (Knob::LampRadiusDeg, a.lamp_radius),
+        (Knob::TissueShading, a.tissue_shading),
     ] {
         if let Some(value) = value {
             out.set(knob, value);
@@ -112,19 +113,20 @@ mod tests {
         let paths = light(&arguments, &base).at_rest().lighting.paths;
         let preset = light::preset(LightingMode::PathTraced, Preset::Reference).lighting.paths;
         assert_eq!(paths, PathSettings { bounces: 1, lamp_share: 0.0, ..preset });
-        // The cone of light points to the lamp where one is given, in the modes where it may.
+        // The cone of light points to the lamp where one is given, in the modes where it may, and gradients are shaded by it.
         for (mode, towards) in [
             (LightingMode::Slices, true),
             (LightingMode::Cones, true),
-            (LightingMode::Traced, false),
+            (LightingMode::Traced, true),
             (LightingMode::HalfAngle, false),
+            (LightingMode::DynamicAmbient, false),
         ] {
             let arguments =
                 LightArguments { light: Some(mode), lamp: Some([30.0, 40.0]), ..LightArguments::default() };
             let lit = light(&arguments, &base);
             assert_eq!(
                 (lit.at_rest().lighting.towards_lamp, lit.has_lamp()),
-                (towards, mode != LightingMode::Traced)
+                (towards, mode != LightingMode::DynamicAmbient)
             );
             let none = light(&LightArguments { lamp: None, ..arguments }, &base);
             assert!(

@@ -17,9 +17,11 @@ pub(super) fn without_effect(arguments: &RenderArguments) -> Vec<&'static str> {
     let views_3d: &[PaneId] = &[Closeup, Context, Ellipsoids, Change];
     // Slices of light are left out where no image is drawn.
     let with_image: &[PaneId] = &[Context, Change];
-    // Slices take a lamp's light through the image, cones to masks, too; geometry known by its depths alone keeps the eye's.
+    // Slices take a lamp's light through the image, cones to masks, too; geometry known by its depths alone keeps the eye's. A
+    // headlight's gradients are the image's.
     let with_lamp: &[PaneId] = match light.light {
         Some(LightingMode::Slices) => with_image,
+        Some(mode) if light::row(mode).is_headlight() => with_image,
         Some(LightingMode::Cones) => &[Closeup, Context, Change],
         _ => views_3d,
     };
@@ -44,6 +46,7 @@ pub(super) fn without_effect(arguments: &RenderArguments) -> Vec<&'static str> {
         ("--footprint", light.footprint.is_some(), with_image),
         ("--slice-mm", light.slice_mm.is_some(), with_image),
         ("--tissue-bleeding", light.tissue_bleeding.is_some(), with_image),
+        ("--tissue-shading", light.tissue_shading.is_some(), with_image),
         ("--darkens", light.darkens.is_some(), views_3d),
         ("--occlusion-mm", light.occlusion_mm.is_some(), views_3d),
         ("--ambient", light.ambient.is_some(), views_3d),
@@ -110,6 +113,7 @@ pub(super) fn without_effect_on_light(arguments: &LightArguments, choice: &Light
         ("--sky-share", a.sky_share.is_some(), has(Knob::SkyShare)),
         ("--clusters", a.clusters.is_some(), has(Knob::Clusters)),
         ("--tissue-bleeding", a.tissue_bleeding.is_some(), has(Knob::TissueBleeding)),
+        ("--tissue-shading", a.tissue_shading.is_some(), has(Knob::TissueShading)),
         ("--cell-mm", a.cell_mm.is_some(), has(Knob::CellMm)),
     ];
     let unused = table.into_iter().filter(|(_, given, has_effect)| *given && !has_effect);

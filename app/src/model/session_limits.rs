@@ -289,6 +289,7 @@ fn check_light(own: &LightSettings) -> Checked {
     number("light own cone_step", own.cone_step, &(0.01..=100.0))?;
     number("light own cell_mm", own.cell_mm, &(0.01..=1e3))?;
     number("light own tissue_bleeding", own.tissue_bleeding, &SHARE)?;
+    number("light own tissue_shading", own.tissue_shading, &SHARE)?;
     let most = f64::from(LightSettings::MOST_VICINITY);
     number("light own vicinity_samples", own.vicinity_samples, &(1.0..=most))?;
     number("light own vicinity_mm", own.vicinity_mm, &(0.01..=1e3))?;

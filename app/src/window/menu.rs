@@ -220,12 +220,12 @@ impl Bar<'_> {
         let mut towards = choice.towards_lamp;
         let from_lamp = egui::Checkbox::new(&mut towards, "Light from the lamp");
         let response = ui.add_enabled(row.turns_to_lamp(), from_lamp);
-        if response
-            .on_hover_text(
-                "Soft shadows of a wide light beside or behind the scene; otherwise it is at the eye",
-            )
-            .changed()
-        {
+        let tip = if row.is_headlight() {
+            "Tissue is shaded as lit from there, without shadows; otherwise the light is at the eye"
+        } else {
+            "Soft shadows of a wide light beside or behind the scene; otherwise it is at the eye"
+        };
+        if response.on_hover_text(tip).changed() {
             out.push(EditCommand::SetTowardsLamp(towards));
         }
         if let Some(lamp) = lamp(ui, choice.has_lamp(), choice.lamp) {
@@ -241,7 +241,8 @@ impl Bar<'_> {
 fn lamp(ui: &mut Ui, enabled: bool, lamp: Lamp) -> Option<Lamp> {
     let mut new = lamp;
     let azimuth = Slider::new(&mut new.azimuth_deg, -180.0..=180.0).suffix("°").fixed_decimals(0);
-    slider(ui, enabled, azimuth.text("Lamp to the right"), "0° is at the eye, 180° behind the scene");
+    let tip = "0° is at the eye, 180° behind the scene. In the 3D views the right button turns the lamp, too";
+    slider(ui, enabled, azimuth.text("Lamp to the right"), tip);
     let elevation = Slider::new(&mut new.elevation_deg, -90.0..=90.0).suffix("°").fixed_decimals(0);
     slider(ui, enabled, elevation.text("Lamp upwards"), "90° is above");
     let mut stays = new.frame == LampFrame::Patient;

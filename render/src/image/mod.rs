@@ -49,4 +49,19 @@ pub(crate) struct ImageLook<'a> {
     pub by_gradient: bool,
     /// Whether the samples of each ray are shifted by a per-pixel jitter.
     pub jitter: bool,
+    pub shade: Shade,
+}
+
+/// How tissue is shaded by its gradients (Phong), where no light is computed for it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shade {
+    /// How much of the shading is shown: 0 none, 1 all.
+    pub share: f64,
+    /// Direction towards the lamp, unit length, world; `None`: the light is at the eye.
+    pub lamp: Option<DVec3>,
+}
+
+impl Shade {
+    /// A headlight.
+    pub const HEADLIGHT: Self = Self { share: 1.0, lamp: None };
 }

@@ -1,7 +1,7 @@
 //! `Context` of lib/image, and `Marched` of lib/context.
 
 use bytemuck::{Pod, Zeroable};
-use glam::DVec4;
+use glam::{DVec3, DVec4};
 use glioscope_core::optics::Camera;
 
 use super::{
@@ -13,6 +13,7 @@ use crate::{scene::Quality, solid::view::index_axes};
 
 pub(crate) const JITTER: u32 = 1;
 pub(crate) const TWO_D: u32 = 2;
+pub(crate) const FROM_LAMP: u32 = 4;
 
 /// Brightness of a surface seen edge-on, of 1.
 pub(crate) const AMBIENT: f64 = 0.35;
@@ -43,6 +44,8 @@ pub(crate) struct Context {
     pub cut_fade_mm: f32,
     pub table_last: u32,
     pub factor_last: u32,
+    pub shading: f32,
+    pub lamp: [f32; 3],
     pub unused: u32,
 }
 
@@ -102,13 +105,15 @@ pub(crate) fn context(
             .to_array();
     }
     let flag = |on: bool, flag: u32| if on { flag } else { 0 };
+    let shade = look.shade;
+    let lamp = shade.lamp.map(|l| DVec3::new(l.dot(world_right), l.dot(world_up), -l.dot(world_back)));
     Context {
         step_mm: step_mm(volume, look.step_mm) as f32,
         table_scale: tables.color_place.0 as f32,
         table_offset: tables.color_place.1 as f32,
         factor_scale: tables.factor_place.0 as f32,
         factor_offset: tables.factor_place.1 as f32,
-        flags: flag(look.jitter, JITTER) | flag(look.by_gradient, TWO_D),
+        flags: flag(look.jitter, JITTER) | flag(look.by_gradient, TWO_D) | flag(lamp.is_some(), FROM_LAMP),
         half_shaded: (volume.half_shaded() / width) as f32,
         ambient: AMBIENT as f32,
         specular: SPECULAR as f32,
@@ -116,6 +121,8 @@ pub(crate) fn context(
         cut_fade_mm: volume.cut_fade_mm() as f32,
         table_last: tables.columns as u32 - 1,
         factor_last: tables.rows as u32 - 1,
+        shading: if shade.share.is_nan() { 0.0 } else { shade.share.clamp(0.0, 1.0) as f32 },
+        lamp: lamp.unwrap_or_default().as_vec3().to_array(),
         ..geometry(camera, reference_mm, field)
     }
 }
@@ -168,7 +175,7 @@ pub(crate) const LAYOUTS: &[crate::layouts::Layout] = &[
     crate::layouts::layout!(
         Context, "Context": corner, step_mm, right, table_scale, up, table_offset, forward, factor_scale, dims,
         factor_offset, bricks, flags, half_shaded, ambient, specular, pad, clips, cut_fade_mm, table_last,
-        factor_last, unused
+        factor_last, shading, lamp, unused
     ),
     crate::layouts::layout!(Marched, "Marched": red_green, blue_opacity, depth, unused),
 ];

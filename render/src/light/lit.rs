@@ -265,9 +265,15 @@ pub struct LightRow {
 }
 
 impl LightRow {
-    /// Whether [`crate::scene::LightSettings::towards_lamp`] has an effect: the cone of light may point to the lamp.
+    /// Whether [`crate::scene::LightSettings::towards_lamp`] has an effect: the cone of light may point to the lamp, or gradients
+    /// be shaded by it.
     pub fn turns_to_lamp(&self) -> bool {
-        matches!(self.mode, LightingMode::Slices | LightingMode::Cones)
+        self.is_headlight() || matches!(self.mode, LightingMode::Slices | LightingMode::Cones)
+    }
+
+    /// Whether tissue is shaded by its gradients alone.
+    pub fn is_headlight(&self) -> bool {
+        self.knobs.contains(&Knob::TissueShading)
     }
 }
 

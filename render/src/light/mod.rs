@@ -24,6 +24,7 @@ pub(crate) mod traced;
 pub(crate) mod vicinity;
 pub(crate) mod volume;
 
+use glioscope_core::optics::Camera;
 use strum::VariantArray;
 
 pub use budget::{Auto, BUDGET_MS};
@@ -32,6 +33,7 @@ pub use lit::{LightRow, LightWork, StandardError};
 
 use crate::{
     device::{Gpu, PassName, RenderError, runner::PassRunner},
+    image::Shade,
     scene::{LightSettings, LightingMode, Plan, Preset, Quality},
     solid::view::TINTED,
 };
@@ -92,6 +94,16 @@ pub(crate) fn omission_reason(
 /// Flags of the view's uniform that the light passes of `plan` set.
 pub(crate) fn flags(mode: LightingMode, plan: &Plan) -> u32 {
     row(mode).flags.iter().filter(|(pass, _)| plan.has(*pass)).fold(0, |all, (_, flag)| all | flag)
+}
+
+/// How gradients shade tissue: in the modes that compute no light for it.
+pub(crate) fn shade(quality: &Quality, camera: &Camera) -> Shade {
+    let light = &quality.lighting;
+    let is_headlight = row(light.mode).is_headlight();
+    Shade {
+        share: if is_headlight { light.tissue_shading } else { 1.0 },
+        lamp: (is_headlight && light.towards_lamp).then(|| light.lamp.direction(camera)),
+    }
 }
 
 /// Constants of composing passes for a frame: see lib/surface_light.

@@ -40,6 +40,8 @@ keywords! {
         LampShare,
         /// Angular radius of the lamp.
         LampRadiusDeg,
+        /// How much tissue is shaded by its gradients.
+        TissueShading,
     }
 }
 
@@ -129,6 +131,10 @@ impl Knob {
                 let tip = "Its angular radius: wide for soft shadows, 0 for hard ones";
                 KnobRow { unit: "°", ..of("Size of the lamp", tip, 0.0..=60.0, 0) }
             }
+            Self::TissueShading => share(
+                "Shading of tissue",
+                "How much steep places are shaded by their direction (Phong); 0: not at all",
+            ),
         }
     }
 
@@ -149,6 +155,7 @@ impl Knob {
             Self::Anisotropy => paths.anisotropy,
             Self::LampShare => paths.lamp_share,
             Self::LampRadiusDeg => paths.lamp_radius_deg,
+            Self::TissueShading => settings.tissue_shading,
         }
     }
 
@@ -178,6 +185,7 @@ impl Knob {
             Self::Anisotropy => paths.anisotropy = value,
             Self::LampShare => paths.lamp_share = value,
             Self::LampRadiusDeg => paths.lamp_radius_deg = value,
+            Self::TissueShading => settings.tissue_shading = value,
         }
     }
 }

@@ -159,7 +159,7 @@ impl PathSettings {
 
     /// The settings that presets start from.
     pub const DEFAULT: Self =
-        Self { most: 32, bounces: 4, anisotropy: 0.0, lamp_share: 0.4, lamp_radius_deg: 10.0 };
+        Self { most: 32, bounces: 16, anisotropy: 0.0, lamp_share: 0.4, lamp_radius_deg: 10.0 };
 }
 
 impl Default for PathSettings {
@@ -229,7 +229,8 @@ pub struct LightSettings {
     /// Half-angle slicing, shadow volume, spherical harmonics, paths, and where `towards_lamp` is set: where the light stands.
     #[serde(default)]
     pub lamp: Lamp,
-    /// Slices and cones: whether the cone of light is around the direction to the lamp instead of that to the eye.
+    /// Slices and cones: whether the cone of light is around the direction to the lamp instead of that to the eye. Modes with a
+    /// headlight: whether tissue is shaded by the lamp instead.
     #[serde(default)]
     pub towards_lamp: bool,
     /// Half-angle slicing: side of a texel of the light's buffer; above 0.
@@ -254,6 +255,9 @@ pub struct LightSettings {
     /// Paths of light.
     #[serde(default)]
     pub paths: PathSettings,
+    /// Modes with a headlight: how much tissue is shaded by its gradients, 0 (not) to 1.
+    #[serde(default = "default_tissue_shading")]
+    pub tissue_shading: f64,
     /// What occludes what.
     pub mutual: MutualOcclusion,
 }
@@ -277,6 +281,10 @@ fn default_sky_directions() -> u32 {
 
 fn default_clusters() -> u32 {
     LightSettings::DEFAULT.clusters
+}
+
+fn default_tissue_shading() -> f64 {
+    LightSettings::DEFAULT.tissue_shading
 }
 
 fn default_sky_share() -> f64 {
@@ -317,6 +325,7 @@ impl LightSettings {
         clusters: 128,
         tissue_bleeding: 0.0,
         paths: PathSettings::DEFAULT,
+        tissue_shading: 1.0,
         mutual: MutualOcclusion::ALL,
     };
 }

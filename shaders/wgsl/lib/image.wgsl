@@ -22,11 +22,14 @@ struct Context {
     cut_fade_mm: f32,            // depth below a cut at which shading reaches full strength
     table_last: u32,             // index of the table's last entry
     factor_last: u32,
+    shading: f32,                // how much of the headlight's shading is shown, 0 to 1
+    lamp: vec3<f32>,             // camera space, towards the lamp, unit length
     unused: u32,
 }
 
 const JITTER = 1u;
 const TWO_D = 2u;
+const FROM_LAMP = 4u;           // gradients are shaded by the lamp instead of the light at the eye
 
 // Whether the pipeline evaluates gradients at all: Mesa's software driver executes both sides of a branch.
 override gradient_counts: bool = true;

@@ -153,9 +153,11 @@ fn shading_is_set_in_the_menu_and_put_back() {
 }
 
 /// Sliders of settings that only some modes have: those of the chosen one, from the table of lights; put back with the rest.
+/// `GLIOSCOPE_TEST_PICTURES=FOLDER` writes pictures of the menus, `GLIOSCOPE_TEST_DARK=1` dark ones.
 #[test]
 fn the_menu_has_the_settings_of_the_chosen_mode() {
-    let mut harness = window_on(CaseRef::Sample, [1000.0, 800.0], Theme::Light);
+    let theme = if std::env::var_os("GLIOSCOPE_TEST_DARK").is_some() { Theme::Dark } else { Theme::Light };
+    let mut harness = window_on(CaseRef::Sample, [1000.0, 800.0], theme);
     perform(&mut harness, EditCommand::SetPreset(Some(Preset::Draft)));
     maximized(&mut harness, PaneId::Axial);
     harness.get_by_label("View").click();
@@ -168,14 +170,20 @@ fn the_menu_has_the_settings_of_the_chosen_mode() {
             let found = harness.query_by_role_and_label(Role::Slider, knob.row().label);
             assert_eq!(found.is_some(), row.knobs.contains(&knob), "{:?} {knob:?}", row.mode);
         }
+        harness.run_ok();
+        if let Ok(folder) = std::env::var("GLIOSCOPE_TEST_PICTURES") {
+            let file = format!("light-menu-{}-{theme:?}.png", row.mode.name());
+            harness.render().unwrap().save(std::path::Path::new(&folder).join(file)).unwrap();
+        }
         let Some(&knob) = row.knobs.first() else { continue };
-        let before = light(&harness).at_rest().lighting;
+        let before = knob.of(&light(&harness).at_rest().lighting);
         harness.get_by_role_and_label(Role::Slider, knob.row().label).focus();
         harness.run_ok();
-        harness.key_press(Key::ArrowRight);
+        let is_most = before == *knob.row().range.end();
+        harness.key_press(if is_most { Key::ArrowLeft } else { Key::ArrowRight });
         harness.run_ok();
-        let after = light(&harness).at_rest().lighting;
-        assert!(knob.of(&after) > knob.of(&before), "{:?} {knob:?}: {after:?}", row.mode);
+        let after = knob.of(&light(&harness).at_rest().lighting);
+        assert!(if is_most { after < before } else { after > before }, "{:?} {knob:?}: {after}", row.mode);
     }
     assert!(light(&harness).shading.knobs.given().count() > 3);
     harness.get_by_label("Shading as the lighting mode has it").click();
@@ -251,6 +259,46 @@ fn diagnostics_report_the_expected_lighting_error() {
         "Expected error of the picture: {surfaces:.3} of white on opaque surfaces, {tissue:.3} in tissue"
     );
     harness.get_all_by_label_contains(&text).next().unwrap();
+}
+
+/// The right button turns the lamp where there is one, and never the camera; one drag is one undo.
+#[test]
+fn the_lamp_is_dragged_in_the_picture() {
+    let mut harness = window_on(CaseRef::Sample, [900.0, 700.0], Theme::Light);
+    perform(&mut harness, EditCommand::SetPreset(Some(Preset::Draft)));
+    maximized(&mut harness, PaneId::Context);
+    let pane = harness.state().pane_rect(PaneId::Context).unwrap();
+    let camera = harness.state().work.doc.as_ref().unwrap().nav.camera;
+    let drag = |harness: &mut Window| {
+        let button = |pressed, pos| egui::Event::PointerButton {
+            pos,
+            button: egui::PointerButton::Secondary,
+            pressed,
+            modifiers: egui::Modifiers::NONE,
+        };
+        let (from, to) = (pane.center(), pane.center() + pane.height() * egui::vec2(0.25, -0.1));
+        harness.hover_at(from);
+        harness.run_steps(1);
+        harness.event(button(true, from));
+        harness.run_steps(1);
+        for step in 1..=5_u8 {
+            harness.hover_at(from + (to - from) * (f32::from(step) / 5.0));
+            harness.run_steps(1);
+        }
+        harness.event(button(false, to));
+        harness.run_ok();
+    };
+    drag(&mut harness);
+    assert_eq!(light(&harness), LightChoice { preset: Some(Preset::Draft), ..LightChoice::default() });
+    perform(&mut harness, EditCommand::SetLightingMode(LightingMode::SphericalHarmonics));
+    drag(&mut harness);
+    let lamp = light(&harness).lamp;
+    // A quarter of the view's height is an eighth of a turn.
+    assert!((lamp.azimuth_deg - Lamp::DEFAULT.azimuth_deg - 45.0).abs() < 3.0, "{lamp:?}");
+    assert!((lamp.elevation_deg - Lamp::DEFAULT.elevation_deg - 18.0).abs() < 2.0, "{lamp:?}");
+    assert_eq!(harness.state().work.doc.as_ref().unwrap().nav.camera, camera);
+    perform(&mut harness, EditCommand::Undo);
+    assert_eq!(light(&harness).lamp, Lamp::DEFAULT);
 }
 
 /// The error of the frame that is shown: measured when asked for, and asked for again after the camera turned.

@@ -1,9 +1,9 @@
-//! Mouse input in a 3D view: rotates, pans and zooms the camera, resizes and moves the lens.
+//! Mouse input in a 3D view: rotates, pans and zooms the camera, resizes and moves the lens, turns the lamp.
 
 use egui::{CursorIcon, Event, IdSalt, Modifiers, MouseWheelUnit, PointerButton, Pos2, Response, Ui, Vec2};
 use glam::{DVec2, DVec3};
 use glioscope_core::optics::Camera;
-use glioscope_render::Lens;
+use glioscope_render::{Lamp, Lens};
 
 use super::{ring, view::View};
 use crate::{
@@ -108,6 +108,10 @@ pub fn interact(
         let [right, up, _] = camera.axes();
         camera.focus_mm += (right * -f64::from(delta.x) + up * f64::from(delta.y)) * mm_per_point;
     }
+    let light = &view.doc.edit.light;
+    if response.dragged_by(PointerButton::Secondary) && light.has_lamp() && delta != Vec2::ZERO {
+        out.push(EditCommand::SetLamp(dragged_lamp(light.lamp, delta / height)));
+    }
     let pointer = response.interact_pointer_pos().filter(|_| dragged && delta != Vec2::ZERO);
     if let Some(pos) = pointer {
         match drag {
@@ -133,6 +137,16 @@ pub fn interact(
     let on_ring = hovered.filter(|pos| view.lens_grabbed_at(*pos).is_some());
     cursor(ui, response, view, drag, on_ring, modifiers);
     Outcome { camera, drag, ring: drag == Drag::Ring || on_ring.is_some() }
+}
+
+/// The lamp after a drag by these shares of the view's height: half a turn for all of it.
+fn dragged_lamp(lamp: Lamp, by: Vec2) -> Lamp {
+    let azimuth_deg = lamp.azimuth_deg + 180.0 * f64::from(by.x);
+    Lamp {
+        azimuth_deg: (azimuth_deg + 180.0).rem_euclid(360.0) - 180.0,
+        elevation_deg: (lamp.elevation_deg - 180.0 * f64::from(by.y)).clamp(-90.0, 90.0),
+        ..lamp
+    }
 }
 
 fn zoom(ui: &Ui, response: &Response, view: &View<'_>, camera: &mut Camera, out: &mut Commands) {

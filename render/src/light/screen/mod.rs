@@ -11,7 +11,7 @@ use crate::{
         Gpu, PassName, RenderError,
         runner::{PassRunner, workgroups_of},
     },
-    scene::{LightingMode, Plan, Quality},
+    scene::{Knob, LightingMode, Plan, Quality},
     solid::view::HAS_OCCLUSION,
 };
 
@@ -29,7 +29,7 @@ pub(super) const ROW: LightRow = LightRow {
     takes_long: false,
     has_aperture: false,
     has_lamp: false,
-    knobs: &[],
+    knobs: &[Knob::TissueShading],
     traces_masks: false,
     lights_smooth: true,
     most_cost: 16.0,

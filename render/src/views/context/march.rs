@@ -4,7 +4,7 @@ use super::ContextScene;
 use crate::{
     device::{Gpu, RenderError, runner::Shader},
     image::{CONTEXT, GRADIENT_OPACITY, ImageLook, buffers::ImageBuffers, uniforms},
-    light::{LIGHTS, lit::LitImage},
+    light::{self, LIGHTS, lit::LitImage},
     scene::Plan,
     views::view3d::Draw,
 };
@@ -40,6 +40,7 @@ impl ImagePart {
             step_mm: draw.quality.context_step_mm,
             by_gradient: draw.plan.has(GRADIENT_OPACITY),
             jitter: draw.switches.jitter,
+            shade: light::shade(draw.quality, &scene.camera),
         };
         draw.gpu.queue.write_buffer(&self.context, 0, bytemuck::bytes_of(&image.uniform(&look)));
         Ok(image.warning())

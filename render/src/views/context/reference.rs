@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use super::ContextScene;
 use crate::{
     image::{
-        TransferFunction,
+        Shade, TransferFunction,
         tables::Tables,
         uniforms::{AMBIENT, SPECULAR, jitter},
         volume::Field,
@@ -34,8 +34,18 @@ pub struct Sampling {
 /// The context image in each pixel of a frame of `size`, rows from the top: premultiplied red, green,
 /// blue, and opacity. The tumour hides nothing, but the image is omitted in and in front of its box.
 pub fn march(scene: &ContextScene, size: [u32; 2], sampling: Sampling) -> Vec<[f64; 4]> {
+    march_shaded(scene, size, sampling, &Shade::HEADLIGHT)
+}
+
+/// The same with any shading.
+pub(crate) fn march_shaded(
+    scene: &ContextScene,
+    size: [u32; 2],
+    sampling: Sampling,
+    shade: &Shade,
+) -> Vec<[f64; 4]> {
     let pixels: Vec<[u32; 2]> = (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| [x, y])).collect();
-    pixels.into_par_iter().map(|pixel| march_one(scene, size, pixel, sampling)).collect()
+    pixels.into_par_iter().map(|pixel| march_one(scene, size, pixel, (sampling, shade))).collect()
 }
 
 /// Interval of a ray in a grid's box, in millimetres along it; empty if the first is not less.
@@ -132,7 +142,12 @@ pub(crate) fn sample(scene: &ContextScene, q: DVec3) -> ([f64; 3], f64) {
     scene.transfer.sample(value, steepness)
 }
 
-fn march_one(scene: &ContextScene, size: [u32; 2], pixel: [u32; 2], sampling: Sampling) -> [f64; 4] {
+fn march_one(
+    scene: &ContextScene,
+    size: [u32; 2],
+    pixel: [u32; 2],
+    (sampling, shade): (Sampling, &Shade),
+) -> [f64; 4] {
     let Some(volume) = &scene.volume else { return [0.0; 4] };
     let image = volume.image();
     let center = DVec2::new(f64::from(pixel[0]) + 0.5, f64::from(pixel[1]) + 0.5);
@@ -153,7 +168,7 @@ fn march_one(scene: &ContextScene, size: [u32; 2], pixel: [u32; 2], sampling: Sa
         let opacity = TransferFunction::opacity_over(per_mm, end - begin);
         let through = 1.0 - out[3];
         let inside = (0.5 * (begin + end) - near) / volume.cut_fade_mm();
-        let color = shaded(color, gradient, ray.direction, volume.half_shaded(), inside);
+        let color = shaded(color, gradient, ray.direction, (volume.half_shaded(), inside), shade);
         for i in 0..3 {
             out[i] += through * opacity * color[i];
         }
@@ -166,15 +181,28 @@ fn march_one(scene: &ContextScene, size: [u32; 2], pixel: [u32; 2], sampling: Sa
     out
 }
 
-fn shaded(color: [f64; 3], gradient: DVec3, ray: DVec3, half_shaded: f64, inside: f64) -> [f64; 3] {
+/// Phong's shading of a surface whose normal is the gradient, turned to the eye.
+fn shaded(
+    color: [f64; 3],
+    gradient: DVec3,
+    ray: DVec3,
+    (half_shaded, inside): (f64, f64),
+    shade: &Shade,
+) -> [f64; 3] {
     let steepness = gradient.length();
     if !steepness.is_finite() || steepness == 0.0 {
         return color;
     }
     let strength = inside.min(1.0) * steepness.powi(2) / (steepness.powi(2) + half_shaded.powi(2));
-    let facing = (gradient.dot(ray) / steepness).abs();
+    let strength = strength * shade.share;
+    let normal = gradient / steepness * -gradient.dot(ray).signum();
+    let towards = shade.lamp.unwrap_or(-ray);
+    let facing = normal.dot(towards).max(0.0);
+    let highlight = if facing > 0.0 { normal.dot((towards - ray).normalize_or_zero()).max(0.0) } else { 0.0 };
     let light = AMBIENT + (1.0 - AMBIENT) * facing;
-    color.map(|c| (c * (1.0 - strength + strength * light) + strength * SPECULAR * facing.powi(16)).min(1.0))
+    color.map(|c| {
+        (c * (1.0 - strength + strength * light) + strength * SPECULAR * highlight.powi(16)).min(1.0)
+    })
 }
 
 impl FrameImage for ContextScene {

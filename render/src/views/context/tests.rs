@@ -11,7 +11,7 @@ use glioscope_core::{
 };
 
 use super::{
-    reference::{Sampling, march},
+    reference::{Sampling, march, march_shaded},
     *,
 };
 use crate::{
@@ -20,8 +20,11 @@ use crate::{
     image::{
         CONTEXT, ContextVolume, ControlPoint, Form, GRADIENT_OPACITY, GradientPoint, Shape, TransferFunction,
     },
-    light::screen::{OCCLUSION, OCCLUSION_BLUR},
-    scene::{Lens, MaskColors, Palette},
+    light::{
+        self,
+        screen::{OCCLUSION, OCCLUSION_BLUR},
+    },
+    scene::{Lamp, Lens, LightSettings, MaskColors, Palette},
     testing::{self, BenchGuard, SharedBench, grid, lock, noise, small_device, volume},
     views::{ContextRenderer, view3d::Switches},
 };
@@ -148,12 +151,23 @@ fn draw(
 
 /// Mean and maximum difference of any channel, in 255ths, where no tumour hides the image.
 fn difference(bench: &mut Bench, scene: &ContextScene, size: [u32; 2], jitter: bool) -> (f64, f64) {
+    shaded_difference(bench, scene, size, jitter, FLAT.lighting)
+}
+
+fn shaded_difference(
+    bench: &mut Bench,
+    scene: &ContextScene,
+    size: [u32; 2],
+    jitter: bool,
+    lighting: LightSettings,
+) -> (f64, f64) {
     let step_mm = 0.6;
-    let quality = Quality { context_step_mm: step_mm, ..FLAT };
+    let quality = Quality { context_step_mm: step_mm, lighting, ..FLAT };
     let found = draw(bench, scene, &quality, size, Switches { jitter, ..Switches::ON });
     let frame = bench.renderer.frame().unwrap();
     let depths = if scene.tumor.is_some() { frame.read_depths(&bench.gpu) } else { vec![FAR; found.len()] };
-    let twin = march(scene, size, Sampling { step_mm, jitter });
+    let shade = light::shade(&quality, &scene.camera);
+    let twin = march_shaded(scene, size, Sampling { step_mm, jitter }, &shade);
     let mut differences = Vec::new();
     let mut visible = 0;
     for ((found, twin), depth) in found.iter().zip(&twin).zip(depths) {
@@ -518,6 +532,44 @@ fn empty_scenes_show_the_background_and_invalid_scenes_are_errors() {
     }
     let times = renderer.pass_times(gpu).unwrap();
     assert_eq!(times.iter().map(|t| t.0).collect::<Vec<_>>(), [CONTEXT, COMPOSE]);
+}
+
+/// Phong's shading by a lamp before and behind, weaker, and none: each as its twin, and no two alike.
+#[test]
+fn shading_of_tissue_matches_the_twin() {
+    let mut bench = bench();
+    let s = scene(lumps(&cubic(24)), soft());
+    let size = [40, 36];
+    let mut seen: Vec<Vec<Marched>> = Vec::new();
+    for (tissue_shading, lamp) in [
+        (1.0, None),
+        (0.5, None),
+        (0.0, None),
+        (1.0, Some([-45.0, 45.0])),
+        (1.0, Some([100.0, -10.0])),
+        (1.0, Some([180.0, 0.0])),
+        (f64::NAN, Some([0.0, 0.0])),
+    ] {
+        let [azimuth_deg, elevation_deg] = lamp.unwrap_or([30.0, 30.0]);
+        let lamp_settings = Lamp { azimuth_deg, elevation_deg, ..Lamp::DEFAULT };
+        let lighting = LightSettings {
+            tissue_shading,
+            towards_lamp: lamp.is_some(),
+            lamp: lamp_settings,
+            ..FLAT.lighting
+        };
+        if tissue_shading.is_finite() {
+            let (mean, worst) = shaded_difference(&mut bench, &s, size, true, lighting);
+            println!("{tissue_shading} {lamp:?}: {mean:.4} {worst:.3}");
+            assert!(mean < 0.15 && worst < 4.0, "{tissue_shading} {lamp:?}: {mean} {worst}");
+        }
+        seen.push(draw(&mut bench, &s, &Quality { lighting, ..FLAT }, size, Switches::ON));
+    }
+    // A share that isn't a number is none.
+    assert!(seen.pop().as_ref() == seen.get(2));
+    for (n, one) in seen.iter().enumerate() {
+        assert!(seen[..n].iter().all(|other| other != one), "{n}");
+    }
 }
 
 #[test]

@@ -16,11 +16,10 @@ use super::{
     terminal,
 };
 use crate::{
-    command::Workstation,
     error::AppError,
     model::{Document, LesionSetting},
     output,
-    report::{self, Anonymous, FileKind, Filing, Identity, Options, ResponseRecipe},
+    report::{Anonymous, FileKind, Filing, Identity, Options, ResponseRecipe},
     window::report_file::{self, ReportFile},
     world::{load::ReadCase, response::Answered},
 };
@@ -150,18 +149,9 @@ impl Asked {
 /// The file of a case's report.
 pub(super) fn file(read: ReadCase, how: &How, asked: Option<Asked>) -> Result<ReportFile, AppError> {
     let (opened, spec) = (read.case.clone(), read.spec.clone());
-    let Anonymous { case, mut doc, names } = shown(read, how.options)?;
+    let Anonymous { case, mut doc, names } = report_file::shown(read, how.options)?;
     doc.edit.change.self_check |= how.self_check;
     file_of_anonymous((&opened, &spec), (&case, &doc), how, asked.map(|asked| asked.renamed(&names)).as_ref())
-}
-
-/// A case and its document as its report may show them.
-pub(super) fn shown(read: ReadCase, options: Options) -> Result<Anonymous, AppError> {
-    let work = Workstation::with_opened(read.into());
-    let (Some(case), Some(doc)) = (work.world.case(), work.doc) else {
-        return Err(AppError::arguments("no case", "a path, --mask and --context, or --sample"));
-    };
-    report::anonymous(case, doc, options)
 }
 
 /// The file of the report of a case and document that have no more of the identity than it may show; `opened`: the case as it was read.

@@ -9,7 +9,7 @@ use glioscope_core::{
 
 use strum::VariantArray;
 
-use super::{case::CaseArguments, offscreen::gpu, report::shown, terminal};
+use super::{case::CaseArguments, offscreen::gpu, terminal};
 use crate::{
     error::AppError,
     model::{ExportFormat, PaneId},
@@ -17,7 +17,7 @@ use crate::{
     report::{self, Anonymous, Identity, Options},
     window::{
         numbers::{Shown, as_file, as_value},
-        report_file::{painter, tumor_at},
+        report_file::{painter, shown, tumor_at},
     },
     world::load::ReadCase,
 };

@@ -13,8 +13,8 @@ use crate::{
     command::Workstation,
     error::AppError,
     model::Document,
-    report::{self, FileKind, Filing, Form, Options, Recipe, Report, ResponseRecipe},
-    world::{Loaded, World, response::Answered},
+    report::{self, Anonymous, FileKind, Filing, Form, Options, Recipe, Report, ResponseRecipe},
+    world::{Loaded, World, load::ReadCase, response::Answered},
 };
 
 /// A report's file.
@@ -86,6 +86,18 @@ pub fn file_of(
             ReportFile { bytes: as_file(&numbers, format)?, notes: Vec::new(), recipe: None }
         }
     })
+}
+
+/// A case that was read and its document as its report may show them.
+///
+/// # Errors
+/// [`AppError`] where the document can't be renamed.
+pub fn shown(read: ReadCase, options: Options) -> Result<Anonymous, AppError> {
+    let work = Workstation::with_opened(read.into());
+    let (Some(case), Some(doc)) = (work.world.case(), work.doc) else {
+        return Err(AppError::arguments("no case", "a path, --mask and --context, or --sample"));
+    };
+    report::anonymous(case, doc, options)
 }
 
 /// The regions of a date; `None` where no mask is active.

@@ -77,11 +77,11 @@ fn of_studies(folder: &Path, name: String, studies: &Studies) -> Result<Proposal
     let mut notes = Vec::new();
     let mut doubt = None;
     // A report of nobody beside the images, which this program writes too, is no second patient.
-    let shown: Vec<&PatientStudies> =
-        studies.patients.iter().filter(|patient| content(patient) != (0, 0)).collect();
-    let several = shown.len() > 1;
+    let patients: Vec<&PatientStudies> =
+        studies.patients.iter().filter(|patient| !has_reports_alone(patient)).collect();
+    let several = patients.len() > 1;
     if several {
-        let names: Vec<String> = shown.iter().map(|p| p.patient.label()).collect();
+        let names: Vec<String> = patients.iter().map(|p| p.patient.label()).collect();
         doubt = Some(format!("files of {} patients ({})", names.len(), listed(&names, 3)));
     } else if is_dummy(&chosen.patient.id) && is_dummy(&chosen.patient.name) {
         notes.push(Check::warning(
@@ -101,7 +101,7 @@ fn of_studies(folder: &Path, name: String, studies: &Studies) -> Result<Proposal
     }
     tell_files_apart(&mut files);
     unique_ids(&mut files);
-    for other in shown.into_iter().filter(|other| other.patient != chosen.patient) {
+    for other in patients.into_iter().filter(|other| other.patient != chosen.patient) {
         let mut own: Vec<ProposedFile> = Vec::new();
         for Dated { series, study, time } in dates(other, &mut Vec::new()) {
             own.extend(proposed(folder, series, &time).into_iter().map(|file| ProposedFile {
@@ -140,6 +140,15 @@ fn best(studies: &Studies) -> Option<&PatientStudies> {
         .iter()
         .filter(|patient| content(patient) != (0, 0))
         .max_by_key(|patient| content(patient))
+}
+
+/// Whether all that a patient has are documents without a name: structured reports and encapsulated ones.
+fn has_reports_alone(patient: &PatientStudies) -> bool {
+    let mut series = patient.studies.iter().flat_map(|study| &study.series).peekable();
+    let is_nobody = patient.patient.id.is_empty() && patient.patient.name.is_empty();
+    is_nobody
+        && series.peek().is_some()
+        && series.all(|series| matches!(series.modality.as_str(), "SR" | "DOC"))
 }
 
 /// The masks of a patient, and the slices that can be shown.
@@ -422,10 +431,22 @@ mod tests {
     fn a_report_of_nobody_is_no_second_patient() {
         let image = patient("A", vec![("20240101", vec![series("1", "", vec![volume(9, "")])])]);
         let problem = Some("no pixels".to_owned());
-        let report = SeriesSummary { problem, ..series("2", "", Vec::new()) };
-        let proposal = proposal(vec![patient("", vec![("", vec![report])]), image]).unwrap();
-        assert_eq!(proposal.doubt, None);
-        assert_eq!(proposal.patients(), [""; 0], "there is nobody else to choose");
+        let of = |modality: &str| SeriesSummary {
+            problem: problem.clone(),
+            modality: modality.into(),
+            ..series("2", "", Vec::new())
+        };
+        let beside = |name: &str, modality: &str| {
+            proposal(vec![patient(name, vec![("", vec![of(modality)])]), image.clone()]).unwrap()
+        };
+        for modality in ["SR", "DOC"] {
+            let found = beside("", modality);
+            assert_eq!((found.doubt.as_deref(), found.patients().len()), (None, 0), "nobody else to choose");
+        }
+        // What is somebody's, and images that can't be shown, are another patient's.
+        for (name, modality) in [("B", "SR"), ("", "CT"), ("B", "CT")] {
+            assert!(beside(name, modality).doubt.is_some(), "{name} {modality}");
+        }
     }
 
     #[test]

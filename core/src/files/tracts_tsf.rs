@@ -118,3 +118,39 @@ fn of_fibers(count: usize) -> String {
 fn of_points(count: usize) -> String {
     format!("{count}, one for each of its points in the tracts")
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::{
+        Progress,
+        files::{Source, TractOptions, read_tract_scalar, read_tracts},
+    };
+
+    /// MRtrix sampled an image that is 100 + 3x − 2y + 0.5z of the place in millimetres (`fixtures/write.sh`).
+    #[test]
+    fn scalars_that_mrtrix_wrote_are_those_of_their_points() {
+        let embedded = |name: &'static str, bytes: &'static [u8]| Source::Embedded { name, bytes };
+        let tck = embedded("mrtrix.tck", include_bytes!("fixtures/mrtrix.tck"));
+        let tsf = embedded("mrtrix.tsf", include_bytes!("fixtures/mrtrix.tsf"));
+        let options = TractOptions::default();
+        let loaded = read_tracts(&tck, &options, &Progress::new()).unwrap();
+        let (scalar, checks) = read_tract_scalar(&tsf, "value", &loaded, &options, &Progress::new()).unwrap();
+        assert_eq!((loaded.tracts.fiber_count(), checks), (3, Vec::new()));
+        let mut compared = 0;
+        for n in 0..3 {
+            let points = loaded.tracts.fiber(n);
+            let values = loaded.tracts.values_along(&scalar, n);
+            assert_eq!((points.len(), values.len()), (5 + 2 * n, 5 + 2 * n));
+            for (point, value) in points.iter().zip(values) {
+                let [x, y, z] = point.map(f64::from);
+                let expected = 100.0 + 3.0 * x - 2.0 * y + 0.5 * z;
+                assert!(
+                    (f64::from(value) - expected).abs() < 1e-3,
+                    "{value} at {point:?}, expected {expected}"
+                );
+                compared += 1;
+            }
+        }
+        assert_eq!(compared, 21);
+    }
+}

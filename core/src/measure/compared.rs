@@ -84,9 +84,9 @@ impl Operand {
         let of_case = |id: &str| case.time_points.iter().any(|time| has(time, id));
         // A mask may have an @ in its name, and so may a date.
         let dated = || {
-            let places = text.match_indices('@').map(|(at, _)| (&text[..at], &text[at + 1..]));
+            let mut places = text.match_indices('@').map(|(at, _)| (&text[..at], &text[at + 1..]));
             let known = places.clone().find(|(_, label)| case.time_at(label).is_some());
-            known.or_else(|| places.last())
+            known.or_else(|| places.next_back())
         };
         let (names, label) = match if of_case(text) { None } else { dated() } {
             Some((names, label)) => (names, Some(label)),

@@ -173,7 +173,8 @@ pub(super) fn max_twin_error() -> f64 {
             100.0 * masked
         );
         assert!(unsure < 0.25, "{unsure}");
-        assert_eq!(masked > 0.1, with_tumor, "{masked}");
+        // Masks shade some of the pixels compared, where there are any; 2 to 11 % of them in these scenes.
+        assert_eq!(masked > 0.01, with_tumor, "{masked}");
         worst = worst.max(off);
     }
     worst

@@ -1,5 +1,5 @@
 //! MRtrix `.tsf`: a scalar of the points of a `.tck`. A text header as a `.tck` has, then one number for each point; a NaN
-//! ends a fibre, an infinity the file. From MRtrix3's documentation ("Track scalar file format").
+//! ends a fibre, an infinity the file (MRtrix3's documentation, "Track scalar file format"); files that MRtrix writes lack that.
 
 use super::FileError;
 use super::bounded_gzip::{CHUNK_BYTES, Stream};
@@ -106,6 +106,10 @@ fn values(
             }
         }
         if read_len < buffer.len() {
+            // MRtrix itself ends these files after the last fibre, without the infinity that ends its tracts.
+            if fiber == total && values.len() == first && read_len.is_multiple_of(numbers.bytes) {
+                return Ok((values, 0));
+            }
             return Err(stream.ends_early("an infinity, which ends a .tsf"));
         }
     }

@@ -82,7 +82,9 @@ impl Draft {
 
 /// Fields for another measurement; what is refused stays, with the reason.
 fn another(ui: &mut Ui, input: &Input<'_>, history: &mut History) {
-    let at = ui.make_persistent_id("measurement by hand");
+    // What is typed of a patient isn't that of the next.
+    let of_case = std::sync::Arc::as_ptr(input.case) as usize;
+    let at = ui.make_persistent_id(("measurement by hand", of_case));
     let refused = at.with("refused");
     let mut draft: Draft = ui.data(|data| data.get_temp(at)).unwrap_or_default();
     let labels = input.case.time_labels();

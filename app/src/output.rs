@@ -96,14 +96,24 @@ pub fn write_window_png(
     write_png(path, inputs, [(x1 - x0) as u32, (y1 - y0) as u32], &rgba)
 }
 
+fn not_json(error: &serde_json::Error) -> AppError {
+    AppError::wrong("the answer", format!("numbers that JSON can't hold ({error})"), "finite ones")
+}
+
+/// Numbers as a JSON value.
+///
+/// # Errors
+/// [`AppError`] where JSON can't hold them.
+pub fn value(of: &(impl serde::Serialize + ?Sized)) -> Result<serde_json::Value, AppError> {
+    serde_json::to_value(of).map_err(|e| not_json(&e))
+}
+
 /// Numbers as JSON with line breaks.
 ///
 /// # Errors
 /// [`AppError`] where JSON can't hold them.
 pub fn json(value: &impl serde::Serialize) -> Result<Vec<u8>, AppError> {
-    let mut bytes = serde_json::to_vec_pretty(value).map_err(|e| {
-        AppError::wrong("the answer", format!("numbers that JSON can't hold ({e})"), "finite ones")
-    })?;
+    let mut bytes = serde_json::to_vec_pretty(value).map_err(|e| not_json(&e))?;
     bytes.push(b'\n');
     Ok(bytes)
 }

@@ -16,8 +16,8 @@ use crate::{
     output,
     report::{self, Anonymous, Identity, Options},
     window::{
-        numbers::{Shown, as_file, as_value},
-        report_file::{painter, shown, tumor_at},
+        numbers::{Shown, as_file},
+        report_file::{painter, shown},
     },
     world::load::ReadCase,
 };
@@ -127,17 +127,9 @@ fn write(read: ReadCase, folder: &Path, options: Options, software: bool) -> Res
         names.push(name);
         Ok::<_, AppError>(())
     };
-    let numbers = report::without_identity(&case, options, as_value(&measure::report(&case))?);
+    let numbers = report::without_identity(&case, options, output::value(&measure::report(&case))?);
     write(NUMBERS.to_owned(), &output::json(&numbers)?)?;
-    let tumor = tumor_at(&case, doc.nav.time);
-    let all = Shown {
-        case: case.clone(),
-        inputs: inputs.clone(),
-        doc: doc.clone(),
-        tumor,
-        compared: None,
-        response: None,
-    };
+    let all = Shown::of(&case, &doc, None);
     let numbers = terminal::with_progress(|progress| all.json(progress))?;
     let numbers = report::without_identity(&case, options, numbers);
     for format in ExportFormat::VARIANTS {

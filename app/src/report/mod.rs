@@ -46,7 +46,7 @@ use crate::{
     error::AppError,
     model::{Document, PaneId, overlap::MAX_RING_MASKS, session},
     words::{Language, Words},
-    world::response::{Answered, evaluate_now},
+    world::response::{Answered, answered_of},
 };
 use content::Content;
 use document::{Block, Picture};
@@ -276,22 +276,6 @@ pub fn structured(
 ) -> Result<Vec<u8>, AppError> {
     let (lesions, own) = answered_of(case, doc, answered, progress)?;
     filing.structured(case, doc, lesions.as_deref(), answered.or(own.as_ref()))
-}
-
-/// The lesions of a report, and the response that its document states where none is given: lesions that calls rest on are those of the
-/// report.
-fn answered_of(
-    case: &Case,
-    doc: &Document,
-    given: Option<&Answered>,
-    progress: &Progress,
-) -> Result<(Option<Arc<LesionsReport>>, Option<Answered>), AppError> {
-    if let Some(main) = given.and_then(Answered::main) {
-        return Ok((Some(main.clone()), None));
-    }
-    let lesions = doc.edit.lesions.report(case, &doc.edit.change, progress)?.map(Arc::new);
-    let own = evaluate_now(case, doc, lesions.as_ref(), progress)?;
-    Ok((lesions, own.filter(|_| given.is_none())))
 }
 
 /// Changes of the compared mask between consecutive dates, and from the first to the last; with what they found.

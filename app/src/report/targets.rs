@@ -100,7 +100,7 @@ impl Targets<'_> {
             (Quantity::LongestMm, Some(date)) => date.d1_mm,
             (Quantity::LongestMm, None) => by_hand?.longest_mm,
             (_, Some(date)) => date.product_mm2,
-            (_, None) => product_by_hand(by_hand?),
+            (_, None) => by_hand?.product(),
         };
         let values = (value(before, by_hand[0]), value(now, by_hand[1]));
         let change = values.0.zip(values.1).filter(|(before, _)| *before > 0.0);
@@ -137,7 +137,7 @@ impl Targets<'_> {
         if measured.gone {
             return words.get("not-there");
         }
-        match (quantity, measured.longest_mm, measured.perpendicular_mm, product_by_hand(measured)) {
+        match (quantity, measured.longest_mm, measured.perpendicular_mm, measured.product()) {
             (Quantity::LongestMm, Some(longest), ..) => words.number(&format!("{longest:.1} mm")),
             (_, Some(longest), Some(perpendicular), Some(product)) => {
                 words.number(&format!("{longest:.2} × {perpendicular:.2} mm, {product:.1} mm²"))
@@ -154,10 +154,4 @@ impl Targets<'_> {
             Quantity::ProductMm2 => self.words.number(&format!("{value:.1} mm²")),
         }
     }
-}
-
-/// The product of diameters that a reader stated, or that of the diameters.
-fn product_by_hand(measured: &Measurement) -> Option<f64> {
-    let of_diameters = measured.longest_mm.zip(measured.perpendicular_mm).map(|(a, b)| a * b);
-    measured.product_mm2.or(of_diameters)
 }

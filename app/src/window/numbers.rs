@@ -9,7 +9,6 @@ use glioscope_core::{
     csv, ellipsoid,
     files::Inputs,
     inside_lens::voxels_inside,
-    lesions::LesionsReport,
     measure,
     response::{BtRads, bt_rads},
 };
@@ -21,7 +20,7 @@ use crate::{
     output,
     world::{
         agreement::{compare_two, with_metrics},
-        response::{Answered, evaluate_now},
+        response::{Answered, answered_of},
     },
 };
 
@@ -42,6 +41,14 @@ pub struct Shown {
 }
 
 impl Shown {
+    /// That of a case and document that no window shows: nothing is computed yet, and nothing of it may be written over.
+    pub fn of(case: &Arc<Case>, doc: &Document, response: Option<Answered>) -> Self {
+        let time = case.time_points.get(doc.nav.time);
+        let tumor = time.and_then(|time| RegionVolume::of(&time.index, &time.regions)).map(Arc::new);
+        let inputs = case.inputs.clone();
+        Self { case: case.clone(), inputs, doc: doc.clone(), tumor, compared: None, response }
+    }
+
     /// Writes all numbers to `path`, in the format of its ending.
     ///
     /// # Errors
@@ -68,20 +75,17 @@ impl Shown {
         let neighbors = doc.edit.ellipsoids.neighbors;
         let connectivity = Connectivity::of_neighbors(neighbors).unwrap_or_default();
         let ellipsoids = ellipsoid::report(case, connectivity, &ellipsoid::Options::default(), progress)?;
-        let lesions = match self.response.as_ref().and_then(Answered::main) {
-            Some(of_response) => Some(of_response.clone()),
-            None => doc.edit.lesions.report(case, &doc.edit.change, progress)?.map(Arc::new),
-        };
+        let (lesions, own) = answered_of(case, doc, self.response.as_ref(), progress)?;
         for (key, value) in [
             ("hidden_regions", self.hidden()),
             ("lens", self.lens()),
             ("change", self.change(progress)?),
             (
                 "ellipsoids",
-                json!({"connectivity": neighbors, "components": as_value(&ellipsoids.components)?}),
+                json!({"connectivity": neighbors, "components": output::value(&ellipsoids.components)?}),
             ),
-            ("lesions", as_value(&lesions)?),
-            ("response", self.response(lesions.as_ref(), progress)?),
+            ("lesions", output::value(&lesions)?),
+            ("response", self.response(own.as_ref())?),
             ("bt_rads", self.bt_rads()),
             ("lines", rulers::as_json(case, &doc.edit.rulers)["lines"].take()),
         ] {
@@ -139,13 +143,9 @@ impl Shown {
     }
 
     /// The response as `response --json` has it; null without criteria.
-    fn response(&self, lesions: Option<&Arc<LesionsReport>>, progress: &Progress) -> Result<Value, AppError> {
-        let own = match &self.response {
-            Some(_) => None,
-            None => evaluate_now(&self.case, &self.doc, lesions, progress)?,
-        };
-        let Some(answered) = self.response.as_ref().or(own.as_ref()) else { return Ok(Value::Null) };
-        let mut value = as_value(&answered.evaluated)?;
+    fn response(&self, own: Option<&Answered>) -> Result<Value, AppError> {
+        let Some(answered) = self.response.as_ref().or(own) else { return Ok(Value::Null) };
+        let mut value = output::value(&answered.evaluated)?;
         if let Some(object) = value.as_object_mut() {
             object.insert("case".to_owned(), self.case.name.clone().into());
         }
@@ -168,22 +168,13 @@ impl Shown {
     /// The comparison of dates as `change --json` has it; null where nothing can be compared.
     fn change(&self, progress: &Progress) -> Result<Value, AppError> {
         if let Some(report) = &self.compared {
-            return as_value(report);
+            return output::value(report);
         }
         let setting = &self.doc.edit.change;
         let Ok(choice) = setting.chosen(&self.case) else { return Ok(Value::Null) };
         let (report, _) = change::between(&self.case, &choice, &setting.options(), None, progress)?;
-        as_value(&report)
+        output::value(&report)
     }
-}
-
-/// Numbers as JSON.
-///
-/// # Errors
-/// [`AppError`] where JSON can't hold them.
-pub fn as_value(numbers: &impl serde::Serialize) -> Result<Value, AppError> {
-    serde_json::to_value(numbers)
-        .map_err(|e| AppError::wrong("the measurements", format!("what JSON can't hold ({e})"), "numbers"))
 }
 
 /// All numbers as a file.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glioscope_core::{Progress, RegionVolume, case::Case, files::Inputs};
+use glioscope_core::{Progress, case::Case};
 use glioscope_render::Gpu;
 
 use super::{
@@ -74,14 +74,7 @@ pub fn file_of(
             ReportFile { bytes, notes: filing.notes, recipe: None }
         }
         FileKind::Numbers(format) => {
-            let numbers = Shown {
-                case: case.clone(),
-                inputs: Inputs::default(),
-                doc: doc.clone(),
-                tumor: tumor_at(case, doc.nav.time),
-                compared: None,
-                response: response.map(|(answered, _)| answered.clone()),
-            };
+            let numbers = Shown::of(case, doc, response.map(|(answered, _)| answered.clone()));
             let numbers = report::without_identity(case, options, numbers.json(progress)?);
             ReportFile { bytes: as_file(&numbers, format)?, notes: Vec::new(), recipe: None }
         }
@@ -98,12 +91,6 @@ pub fn shown(read: ReadCase, options: Options) -> Result<Anonymous, AppError> {
         return Err(AppError::arguments("no case", "a path, --mask and --context, or --sample"));
     };
     report::anonymous(case, doc, options)
-}
-
-/// The regions of a date; `None` where no mask is active.
-pub fn tumor_at(case: &Case, time: usize) -> Option<Arc<RegionVolume>> {
-    let time = case.time_points.get(time)?;
-    RegionVolume::of(&time.index, &time.regions).map(Arc::new)
 }
 
 /// What draws the panes of a case as its document shows them.

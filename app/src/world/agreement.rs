@@ -14,7 +14,7 @@ use glioscope_core::{
 use serde_json::Value;
 
 use super::jobs::{Ask, Derived, Handle, Lookup};
-use crate::{error::AppError, model::AgreementSetting};
+use crate::{error::AppError, model::AgreementSetting, output};
 
 /// The pairs of a date, and the two of any dates.
 pub struct Agreed {
@@ -34,21 +34,16 @@ pub fn with_metrics(
     compared: &[DateComparison],
     two: &[PairComparison],
 ) -> Result<Value, AppError> {
-    let json = |value: serde_json::Result<Value>| {
-        value.map_err(|e| {
-            AppError::wrong("the answer", format!("numbers that JSON can't hold ({e})"), "finite ones")
-        })
-    };
-    let mut value = json(serde_json::to_value(report))?;
+    let mut value = output::value(report)?;
     let times = value.get_mut("time_points").and_then(Value::as_array_mut).into_iter().flatten();
     for (time, date) in times.zip(compared) {
         let pairs = time.get_mut("pairs").and_then(Value::as_array_mut).into_iter().flatten();
         for (pair, comparison) in pairs.zip(&date.pairs) {
-            *pair = json(serde_json::to_value(comparison))?;
+            *pair = output::value(comparison)?;
         }
-        time["raters"] = json(serde_json::to_value(&date.raters))?;
+        time["raters"] = output::value(&date.raters)?;
     }
-    value["two"] = json(serde_json::to_value(two))?;
+    value["two"] = output::value(two)?;
     Ok(value)
 }
 

@@ -99,7 +99,7 @@ impl Responses {
 ///
 /// # Errors
 /// [`AppError`] where lesions can't be found, for statements that contradict each other, and where the user cancels.
-pub fn evaluate_now(
+fn evaluate_now(
     case: &Case,
     doc: &Document,
     main: Option<&Arc<LesionsReport>>,
@@ -115,6 +115,28 @@ pub fn evaluate_now(
     }
     let evaluated = evaluated(history.clone(), &doc.edit.response, &reports)?;
     Ok(Some(Answered { evaluated, lesions: reports }))
+}
+
+/// The lesions to show beside a response, and the response that the document states where none is `given`: lesions that calls rest on are those
+/// of the calls.
+///
+/// # Errors
+/// As [`evaluate_now`].
+pub fn answered_of(
+    case: &Case,
+    doc: &Document,
+    given: Option<&Answered>,
+    progress: &Progress,
+) -> Result<(Option<Arc<LesionsReport>>, Option<Answered>), AppError> {
+    if let Some(main) = given.and_then(Answered::main) {
+        return Ok((Some(main.clone()), None));
+    }
+    let lesions = doc.edit.lesions.report(case, &doc.edit.change, progress)?.map(Arc::new);
+    let own = match given {
+        Some(_) => None,
+        None => evaluate_now(case, doc, lesions.as_ref(), progress)?,
+    };
+    Ok((lesions, own))
 }
 
 /// The compartments measured, each with the setting of its lesions.

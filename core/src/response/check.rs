@@ -169,7 +169,7 @@ impl History {
         for number in TrialNumber::VARIANTS {
             let Some((value, source)) = number.of(trial) else { continue };
             let place = format!("history, trial.{}", number.key());
-            in_range(&place, "value", Some(value), 0.0, 10_000.0)?;
+            in_range(&place, "value", Some(value), 0.0, TrialNumber::MOST)?;
             named(&place, "source", source)?;
             if !number.is_open(self.criterion) {
                 let found = format!("a value with {}", self.criterion.name());

@@ -266,6 +266,13 @@ pub struct Measurement {
     pub volume_ml: Option<f64>,
 }
 
+impl Measurement {
+    /// The product of its diameters, mm²: as stated, else of the two; `None` where it isn't known.
+    pub fn product(&self) -> Option<f64> {
+        self.product_mm2.or_else(|| Some(self.longest_mm? * self.perpendicular_mm?))
+    }
+}
+
 /// How far repeated measurements of an unchanged sum differ.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

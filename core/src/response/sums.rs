@@ -29,9 +29,7 @@ fn size(lesion: &Measurement, quantity: Quantity) -> Option<f64> {
         return Some(0.0);
     }
     match quantity {
-        Quantity::ProductMm2 => {
-            lesion.product_mm2.or_else(|| Some(lesion.longest_mm? * lesion.perpendicular_mm?))
-        }
+        Quantity::ProductMm2 => lesion.product(),
         Quantity::LongestMm => lesion.longest_mm,
         Quantity::VolumeMl => lesion.volume_ml,
     }

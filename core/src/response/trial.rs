@@ -63,6 +63,9 @@ pub enum TrialNumber {
 }
 
 impl TrialNumber {
+    /// The most that any of them can be.
+    pub const MOST: f64 = 10_000.0;
+
     /// Its key in the history.
     pub fn key(self) -> &'static str {
         match self {

@@ -1,5 +1,7 @@
 //! Fields of the form. A text counts when it is left, or with Enter: half of it is no statement.
 
+use std::ops::RangeInclusive;
+
 use egui::{AsIdSalt, Id, Key, TextEdit, Ui};
 use glioscope_core::{
     dates::iso_date,
@@ -196,6 +198,40 @@ pub(super) fn number(ui: &mut Ui, salt: impl AsIdSalt, label: Id, value: Option<
         _ if typed.is_empty() => Some(None),
         _ => None,
     }
+}
+
+/// Who a number is from until the reader says where it is from.
+pub(super) const SOURCE: &str = "stated by the reader";
+
+/// A number and where it is from, in one line; `None`: not stated, as a number out of `range` is.
+pub(super) fn with_source(
+    ui: &mut Ui,
+    (title, unit): (&str, &str),
+    stated: Option<&(f64, String)>,
+    range: RangeInclusive<f64>,
+) -> Option<(f64, String)> {
+    let mut new = stated.cloned();
+    ui.horizontal_wrapped(|ui| {
+        let label = ui.label(title);
+        if let Some(typed) = number(ui, ("number", title), label.id, stated.map(|(value, _)| *value)) {
+            let source = stated.map_or_else(|| SOURCE.to_owned(), |(_, source)| source.clone());
+            new = typed.filter(|value| range.contains(value)).map(|value| (value, source));
+        }
+        let label = ui.label(format!("{unit}, source"));
+        if let Some((_, source)) = &mut new
+            && let Some(typed) = source_of(ui, title, label.id, source)
+        {
+            *source = typed;
+        }
+    });
+    new
+}
+
+/// Where something is from: never empty.
+pub(super) fn source_of(ui: &mut Ui, key: &str, label: Id, source: &str) -> Option<String> {
+    let typed = text(ui, ("source", key), label, source, 180.0)?;
+    let typed = typed.trim();
+    (!typed.is_empty()).then(|| typed.to_owned())
 }
 
 #[cfg(test)]

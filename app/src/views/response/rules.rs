@@ -3,10 +3,7 @@
 use egui::{CollapsingHeader, Grid, Ui};
 use glioscope_core::response::{Criterion, History, RULES, Repeatability, UNSTATED};
 
-use super::{
-    calls::known_by,
-    fields::{number, text},
-};
+use super::{calls::known_by, fields::with_source};
 
 /// Fields for the repeatability of sums: without it no margin is shown.
 pub(super) fn repeatability(ui: &mut Ui, history: &mut History) {
@@ -19,23 +16,16 @@ pub(super) fn repeatability(ui: &mut Ui, history: &mut History) {
             ("Volumes", &mut stated.volume),
         ];
         for (title, stated) in all {
-            ui.horizontal_wrapped(|ui| {
-                let label = ui.label(title);
-                let percent = stated.as_ref().map(|stated| 100.0 * stated.relative_sd);
-                if let Some(typed) = number(ui, ("percent", title), label.id, percent) {
-                    let source = stated.as_ref().map_or_else(|| "stated by the reader".to_owned(), |s| s.source.clone());
-                    *stated = typed.filter(|percent| (1e-4..=200.0).contains(percent)).map(|percent| {
-                        Repeatability { relative_sd: percent / 100.0, source }
-                    });
+            let percent = stated.as_ref().map(|of| (100.0 * of.relative_sd, of.source.clone()));
+            let new = with_source(ui, (title, "%"), percent.as_ref(), 1e-4..=200.0);
+            match (new, stated) {
+                (new, _) if new == percent => {}
+                // Another source leaves the number as it was stated.
+                (Some((value, source)), Some(of)) if value == 100.0 * of.relative_sd => of.source = source,
+                (new, stated) => {
+                    *stated = new.map(|(percent, source)| Repeatability { relative_sd: percent / 100.0, source });
                 }
-                let percent = ui.label("%, source");
-                if let Some(stated) = stated
-                    && let Some(typed) = text(ui, ("source", title), percent.id, &stated.source.clone(), 180.0)
-                    && !typed.trim().is_empty()
-                {
-                    stated.source = typed.trim().to_owned();
-                }
-            });
+            }
         }
     });
 }

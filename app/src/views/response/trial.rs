@@ -4,13 +4,7 @@ use egui::{CollapsingHeader, Ui};
 use glioscope_core::response::{Criterion, History, Part, TrialNumber, TrialValue};
 use strum::VariantArray;
 
-use super::fields::{number, text};
-
-/// Who a number is from until the reader says where the trial states it.
-const SOURCE: &str = "stated by the reader";
-
-/// The most that a number of a trial can be.
-const MOST: f64 = 10_000.0;
+use super::fields::{SOURCE, source_of, with_source};
 
 const PARTS: [(Part, &str); 4] = [
     (Part::Measurable, "measurable lesions"),
@@ -55,23 +49,10 @@ pub(super) fn show(ui: &mut Ui, history: &mut History) {
 fn row(ui: &mut Ui, history: &mut History, of: TrialNumber) {
     let trial = &mut history.trial;
     let stated = of.of(trial).map(|(value, source)| (value, source.to_owned()));
-    let (title, unit) = title(of);
-    ui.horizontal_wrapped(|ui| {
-        let label = ui.label(title);
-        if let Some(typed) =
-            number(ui, ("trial", of.key()), label.id, stated.as_ref().map(|(value, _)| *value))
-        {
-            let source = stated.as_ref().map_or_else(|| SOURCE.to_owned(), |(_, source)| source.clone());
-            let typed = typed.filter(|value| (0.0..=MOST).contains(value));
-            of.set(trial, typed.map(|value| (value, source)));
-        }
-        let unit = ui.label(format!("{unit}, source"));
-        if let Some((value, source)) = stated
-            && let Some(typed) = source_field(ui, of.key(), unit.id, &source)
-        {
-            of.set(trial, Some((value, typed)));
-        }
-    });
+    let new = with_source(ui, title(of), stated.as_ref(), 0.0..=TrialNumber::MOST);
+    if new != stated {
+        of.set(trial, new);
+    }
 }
 
 fn parts(ui: &mut Ui, history: &mut History) {
@@ -91,16 +72,9 @@ fn parts(ui: &mut Ui, history: &mut History) {
         let source = stated.as_ref().map_or_else(|| SOURCE.to_owned(), |stated| stated.source.clone());
         let typed = stated.is_some().then(|| {
             ui.label("source");
-            source_field(ui, "follow_2010", label.id, &source)
+            source_of(ui, "follow_2010", label.id, &source)
         });
         let source = typed.flatten().unwrap_or(source);
         history.trial.follow_2010 = (!chosen.is_empty()).then_some(TrialValue { value: chosen, source });
     });
-}
-
-/// Where the trial states it: never empty.
-fn source_field(ui: &mut Ui, key: &str, label: egui::Id, source: &str) -> Option<String> {
-    let typed = text(ui, ("source of the trial", key), label, source, 180.0)?;
-    let typed = typed.trim();
-    (!typed.is_empty()).then(|| typed.to_owned())
 }

@@ -251,13 +251,7 @@ fn measured(group: &MeasurementGroup, to: &ReportTo<'_>) -> Elements {
         Measured::Mask => (TISSUE, "mask"),
         Measured::Lesion => (LESION, "lesion"),
     };
-    let context = "HAS OBS CONTEXT";
-    let mut content = vec![
-        text(context, TRACKING, &group.name),
-        uid_of(context, TRACKING_UID, &to.uid(&format!("{kind} {}", group.name))),
-        code("CONTAINS", FINDING, finding),
-    ];
-    content.extend(time_point(&group.time, group.order));
+    let mut content = tracked((kind, &group.name), finding, (&group.time, group.order), to);
     let segment = group.segment.as_ref().filter(|_| !to.images().is_empty());
     if let Some(segment) = segment {
         let mut file = segment.file.item();
@@ -276,25 +270,29 @@ fn measured(group: &MeasurementGroup, to: &ReportTo<'_>) -> Elements {
     container(Some("CONTAINS"), GROUP, Some(if segment.is_some() { "1411" } else { "1501" }), content)
 }
 
-/// A date and its number.
-fn time_point(time: &str, order: Option<usize>) -> Vec<Elements> {
-    if time.is_empty() {
-        return Vec::new();
-    }
+/// What a group is of and found at which date; groups of one kind and name are of one thing.
+fn tracked(
+    (kind, name): (&str, &str),
+    finding: Code,
+    (time, order): (&str, Option<usize>),
+    to: &ReportTo<'_>,
+) -> Vec<Elements> {
     let context = "HAS OBS CONTEXT";
-    let order = order.map(|order| number(context, TIME_POINT_ORDER, order as f64, NO_UNITS));
-    std::iter::once(text(context, TIME_POINT, time)).chain(order).collect()
+    let mut content = vec![
+        text(context, TRACKING, name),
+        uid_of(context, TRACKING_UID, &to.uid(&format!("{kind} {name}"))),
+        code("CONTAINS", FINDING, finding),
+    ];
+    if !time.is_empty() {
+        content.push(text(context, TIME_POINT, time));
+        content.extend(order.map(|order| number(context, TIME_POINT_ORDER, order as f64, NO_UNITS)));
+    }
+    content
 }
 
 /// TID 1501 of the whole disease: the call as a qualitative evaluation, and the sums that it rests on.
 fn evaluated(of: &EvaluationGroup, to: &ReportTo<'_>) -> Elements {
-    let context = "HAS OBS CONTEXT";
-    let mut content = vec![
-        text(context, TRACKING, &of.criteria),
-        uid_of(context, TRACKING_UID, &to.uid(&format!("response {}", of.criteria))),
-        code("CONTAINS", FINDING, LESION),
-    ];
-    content.extend(time_point(&of.time, of.order));
+    let mut content = tracked(("response", &of.criteria), LESION, (&of.time, of.order), to);
     content.extend(of.sums.iter().map(|(sum, value)| {
         let (name, unit) = sum.codes();
         number("CONTAINS", name, *value, unit)

@@ -121,7 +121,7 @@ fn evaluate_now(
 /// of the calls.
 ///
 /// # Errors
-/// As [`evaluate_now`].
+/// [`AppError`] where lesions can't be found, for statements that contradict each other, and where the user cancels.
 pub fn answered_of(
     case: &Case,
     doc: &Document,

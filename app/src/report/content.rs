@@ -121,11 +121,12 @@ impl Content<'_> {
                 list.push(one);
             }
         }
-        let intro = if warnings.is_empty() { "no-warnings" } else { "warnings-intro" };
-        let mut front = vec![Block::Heading(words.get("warnings")), Block::Text(words.get(intro))];
-        if !warnings.is_empty() {
-            front.push(Block::Findings(warnings));
-        }
+        let said = if warnings.is_empty() {
+            Block::Text(words.get("no-warnings"))
+        } else {
+            Block::Findings(warnings)
+        };
+        let mut front = vec![Block::Heading(words.get("warnings")), said];
         let mut end = Vec::new();
         if !notes.is_empty() {
             end = vec![Block::Heading(words.get("section-notes")), Block::Findings(notes)];

@@ -9,6 +9,7 @@ mod content;
 mod document;
 pub mod figures;
 mod filed;
+mod front;
 mod html;
 mod identity;
 mod markdown;
@@ -24,19 +25,17 @@ mod targets;
 use std::sync::Arc;
 
 use glioscope_core::{
-    Check, Progress,
+    Progress,
     case::Case,
-    change::{self, ChangeReport, Choice},
     lesions::{LesionDate, LesionsReport, new_lesions},
-    measure,
     response::{Evaluated, NewLesion},
-    self_check::{self, SelfCheckError, SelfCheckReport},
 };
 use glioscope_render::flat::Convention;
 
 pub use anonymous::{Anonymous, anonymous, anonymous_case, without_identity};
-pub use document::Report;
+pub use document::{Block, Finding, Report, Table};
 pub use filed::{FileKind, Filing};
+pub use front::{Found, Front};
 pub use identity::Identity;
 pub use plot::{Anchor, Plot, Shape, TEXT_PT, shortened};
 pub use recipe::{Recipe, ResponseRecipe, VERSION as RECIPE_VERSION, recipe_in};
@@ -49,7 +48,7 @@ use crate::{
     world::response::{Answered, answered_of},
 };
 use content::Content;
-use document::{Block, Picture};
+use document::Picture;
 use identity::Redactor;
 use recipe::Input;
 
@@ -148,25 +147,12 @@ pub fn make(
     painter: &mut dyn Painter,
     progress: &Progress,
 ) -> Result<Report, AppError> {
+    let found = Found::of(case, doc, response.map(|(answered, _)| answered), progress)?;
+    let answered = response.map(|(answered, _)| answered).or(found.response.as_ref());
+    let evaluated = answered.map(|answered| &answered.evaluated);
     let words = words(options.language);
     let redactor = Redactor::new(case, options.identity, words.get("removed"));
-    let (changes, own) = changes(case, doc, progress)?;
-    let compared = measure::compared(case, &[], &doc.edit.agreement.settings(), progress)?;
-    let (lesions, own_response) = answered_of(case, doc, response.map(|(answered, _)| answered), progress)?;
-    let answered = response.map(|(answered, _)| answered).or(own_response.as_ref());
-    let evaluated = answered.map(|answered| &answered.evaluated);
-    let checked = self_checked(case, doc, progress)?;
-    let content = Content {
-        case,
-        doc,
-        self_check: checked.as_ref(),
-        changes: &changes,
-        compared: &compared,
-        lesions: lesions.as_deref(),
-        words: &words,
-        redactor: &redactor,
-        identity: options.identity,
-    };
+    let content = found.content((case, doc), (&words, &redactor), options.identity);
     let is_named = options.identity == Identity::Full;
     // What a session says is in the recipe itself.
     let read = case.inputs.paths().iter().filter(|path| !session::is_session(path));
@@ -182,43 +168,12 @@ pub fn make(
         response: response.map(|(_, recipe)| recipe.clone()),
         session: session::value(doc, case, is_named)?,
     };
-    let mut blocks = content.header();
-    let contradictions = evaluated.map_or(&[][..], |evaluated| &evaluated.contradictions);
-    let reading = &doc.edit.reading;
-    let in_words = |language| {
-        let calls = calls_in_words(evaluated?, lesions.as_deref(), &self::words(language))?;
-        Some(redactor.text(&calls))
-    };
-    // Sentences of a language are parsed only where some were taken over.
-    let repeats_old =
-        !reading.taken.is_empty() && reading.repeats_old_calls(&[Language::En, Language::De].map(in_words));
-    let old_calls: Vec<String> = repeats_old.then(|| words.get("conclusion-old")).into_iter().collect();
-    let contradictions: Vec<String> =
-        contradictions.iter().map(|phrase| sentences::phrase(phrase, &words)).collect();
-    let missing = evaluated.map_or(0, |evaluated| evaluated.response.missing_answers());
-    let missing = (missing > 0).then(|| words.with("answers-missing", &[("count", missing.to_string())]));
-    let own_warnings = [contradictions, old_calls, missing.into_iter().collect()].concat();
-    let (warnings, notes) = content.findings(&own, &own_warnings);
-    blocks.extend(warnings);
-    blocks.extend(content.conclusion());
-    // With a call, the first page is for it: why, of which lesions, and what the reader stated.
-    let of_response = answered.map(|answered| {
-        let evaluated = &answered.evaluated;
-        let mut of = responses::blocks(evaluated, lesions.as_deref(), &words, &redactor);
-        of.extend(targets::blocks(answered, &words, &redactor));
-        of.extend(stated::blocks(&evaluated.stated, &words, &redactor, is_named));
-        of
-    });
-    let summary_first = of_response.is_none();
-    if summary_first {
-        blocks.extend(content.summary(true));
-    }
-    blocks.extend(of_response.into_iter().flatten());
+    let Front { title, mut blocks, notes } = found.front(&content, answered);
     if form.has_pictures() {
         blocks.push(Block::Heading(words.get("section-pictures")));
         blocks.extend(pictures(case, doc, &content, painter, progress)?);
     }
-    if !summary_first {
+    if answered.is_some() {
         blocks.extend(content.summary(false));
     }
     let earlier = evaluated.map(|evaluated| responses::earlier(evaluated, &words, &redactor));
@@ -229,18 +184,6 @@ pub fn make(
     blocks.extend(content.dates());
     blocks.extend(notes);
     blocks.extend(how_made(&recipe, &content));
-    let title = match evaluated {
-        Some(evaluated) => {
-            let criteria = evaluated.response.criterion.name().to_owned();
-            words.with("title-response", &[("criteria", criteria)])
-        }
-        None if case.time_points.len() > 1 && case.mask_ids().len() == 1 => words.get("title-dates"),
-        None => words.get("title"),
-    };
-    let title = match is_named {
-        true => words.with("title-of", &[("title", title), ("case", case.name.clone())]),
-        false => title,
-    };
     Ok(Report { language: words.get("language-code"), title, blocks, recipe })
 }
 
@@ -276,50 +219,6 @@ pub fn structured(
 ) -> Result<Vec<u8>, AppError> {
     let (lesions, own) = answered_of(case, doc, answered, progress)?;
     filing.structured(case, doc, lesions.as_deref(), answered.or(own.as_ref()))
-}
-
-/// Changes of the compared mask between consecutive dates, and from the first to the last; with what they found.
-fn changes(
-    case: &Arc<Case>,
-    doc: &Document,
-    progress: &Progress,
-) -> Result<(Vec<ChangeReport>, Vec<Check>), AppError> {
-    let Ok(whole) = doc.edit.change.chosen(case) else { return Ok(Default::default()) };
-    let last = case.time_points.len() - 1;
-    let mut pairs: Vec<[usize; 2]> = (0..last).map(|n| [n, n + 1]).collect();
-    if case.order == glioscope_core::case::OrderBasis::Unknown {
-        pairs.clear();
-    }
-    if pairs.last() != Some(&whole.dates) {
-        pairs.push(whole.dates);
-    }
-    let options = doc.edit.change.options();
-    let (mut reports, mut found) = (Vec::new(), Vec::new());
-    for dates in pairs {
-        // A date may lack the mask.
-        let Ok(choice) = Choice::at(case, Some(&whole.id), dates) else { continue };
-        let (report, _) = change::between(case, &choice, &options, None, progress)?;
-        found.extend(report.own_warnings(case).iter().cloned());
-        reports.push(report);
-    }
-    Ok((reports, found))
-}
-
-/// The check of the comparison on this case, where it is asked for and can be done.
-fn self_checked(
-    case: &Case,
-    doc: &Document,
-    progress: &Progress,
-) -> Result<Option<SelfCheckReport>, AppError> {
-    let setting = &doc.edit.change;
-    let Some(choice) = setting.chosen(case).ok().filter(|_| setting.self_check) else { return Ok(None) };
-    let options = self_check::Options::of(setting.options());
-    match self_check::self_check(case, &self_check::Target::of(&choice), &options, progress) {
-        Ok(report) => Ok(Some(report)),
-        // Both dates may be empty.
-        Err(SelfCheckError::Empty) => Ok(None),
-        Err(error) => Err(error.into()),
-    }
 }
 
 /// The panes that a report shows, with the keys of their captions.

@@ -6,7 +6,7 @@ use glioscope_core::{
     case::Case,
     lesions::{LesionsReport, new_lesions},
     response::{
-        BtRads, BtRadsCategory, DateResponse, Evaluated, Judgement, SumReport, bt_rads as form,
+        BtRads, BtRadsCategory, Call, DateResponse, Evaluated, Fact, Judgement, SumReport, bt_rads as form,
         bt_rads_answered, unstated_new,
     },
 };
@@ -31,15 +31,6 @@ pub fn blocks(
 ) -> Vec<Block> {
     let Evaluated { response, proposed_links, .. } = evaluated;
     let criteria = ("criteria", response.criterion.name().to_owned());
-    let head = [
-        "date",
-        "by-diameters",
-        "by-volume",
-        "from-baseline",
-        "from-nadir",
-        "volume-from-baseline",
-        "volume-from-nadir",
-    ];
     let row = |date: &DateResponse| {
         let ways = [&date.by_diameters, &date.by_volume];
         // Of mixed disease each compartment has a sum, in the order of the tables of targets.
@@ -47,21 +38,33 @@ pub fn blocks(
             let all = judgement.sums.iter().filter_map(percent).map(|p| signed(p, words));
             all.collect::<Vec<_>>().join("; ")
         };
-        let changes = ways.into_iter().flat_map(|way| {
-            let of: [fn(&SumReport) -> Option<f64>; 2] =
-                [|sum| sum.change_from_baseline_percent, |sum| sum.change_from_nadir_percent];
-            of.map(|percent| changes(way, percent))
-        });
-        let calls = ways.map(|way| call(way, words));
-        std::iter::once(date.date.clone()).chain(calls).chain(changes).collect()
+        let of: [fn(&SumReport) -> Option<f64>; 2] =
+            [|sum| sum.change_from_baseline_percent, |sum| sum.change_from_nadir_percent];
+        let changes = ways.map(|way| of.map(|percent| changes(way, percent)));
+        (std::iter::once(date.date.clone()).chain(ways.map(|way| call(way, words))), changes)
     };
+    let rows: Vec<_> = response.dates.iter().map(row).collect();
+    // Where the baseline has the lowest sums, both changes are one.
+    let are_one = rows.iter().all(|(_, changes)| changes.iter().all(|[baseline, lowest]| baseline == lowest));
+    let of_changes = [["from-baseline", "from-nadir"], ["volume-from-baseline", "volume-from-nadir"]];
+    let shown = if are_one { 1 } else { 2 };
+    let head = ["date", "by-diameters", "by-volume"].into_iter();
+    let head = head.chain(of_changes.iter().flat_map(|keys| &keys[..shown]).copied());
+    let rows = rows.into_iter().map(|(said, changes)| {
+        said.chain(changes.into_iter().flat_map(|of| of.into_iter().take(shown))).collect()
+    });
+    let mut notes = vec![words.get("response-caution")];
+    if evaluated.stated.baseline.as_ref().is_none_or(Fact::is_proposed) {
+        // What the reader states stands below.
+        notes.extend(response.dates.iter().filter_map(|date| how_baseline_was_chosen(date, words)));
+    }
     let mut blocks = vec![
         Block::Heading(words.with("section-response", std::slice::from_ref(&criteria))),
         Block::Table(Table {
-            head: head.map(|key| words.get(key)).into(),
+            head: head.map(|key| words.get(key)).collect(),
             text_columns: 3,
-            rows: response.dates.iter().map(row).collect(),
-            note: Some(words.get("response-caution")),
+            rows: rows.collect(),
+            note: Some(notes.join(" ")),
         }),
     ];
     let warning = |text: String| Finding { is_warning: true, text };
@@ -76,19 +79,29 @@ pub fn blocks(
     }
     if let Some(date) = response.dates.last() {
         let ([of_diameters, of_volume], mut missing) = why(date, words, redactor);
-        let named =
-            [("by-diameters", &date.by_diameters, of_diameters), ("by-volume", &date.by_volume, of_volume)];
-        let facts = named.map(|(key, judgement, reasons)| {
-            (words.get(key), [vec![call(judgement, words)], reasons].concat().join("; "))
-        });
-        blocks.push(Block::Text(words.with("reasons-at", &[("date", date.date.clone())])));
-        blocks.push(Block::Facts(facts.into()));
+        // The calls themselves stand in the table above.
+        let named = [("by-diameters", of_diameters), ("by-volume", of_volume)];
+        let facts = named.into_iter().filter(|(_, reasons)| !reasons.is_empty());
+        let facts: Vec<_> = facts.map(|(key, reasons)| (words.get(key), reasons.join("; "))).collect();
+        if !facts.is_empty() {
+            blocks.push(Block::Text(words.with("reasons-at", &[("date", date.date.clone())])));
+            blocks.push(Block::Facts(facts));
+        }
         doubts.append(&mut missing);
     }
     if !doubts.is_empty() {
         blocks.push(Block::Findings(doubts));
     }
     blocks
+}
+
+/// Why a date is the baseline, as a sentence; `None` where it isn't.
+fn how_baseline_was_chosen(date: &DateResponse, words: &Words) -> Option<String> {
+    let judgement = Some(&date.by_diameters).filter(|judgement| judgement.call == Call::Baseline)?;
+    let text = phrase(&judgement.reasons.first()?.phrase, words);
+    let mut letters = text.chars();
+    let first = letters.next()?;
+    Some(format!("{}{}.", first.to_uppercase(), letters.as_str().trim_end_matches('.')))
 }
 
 /// Why at the dates before the last, and how the criteria are known.
@@ -276,8 +289,6 @@ fn reasons(judgement: &Judgement, words: &Words) -> Vec<(bool, String)> {
 
 #[cfg(test)]
 mod tests {
-    use glioscope_core::response::Call;
-
     use super::*;
     use crate::report::sentences::words;
 

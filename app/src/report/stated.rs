@@ -163,9 +163,9 @@ impl Rows<'_> {
         let Some(fact) = fact.filter(|fact| !fact.is_null()) else { return };
         let part = |name: &str| fact.get(name).and_then(Value::as_str);
         let stated = self.text(fact.get("value").unwrap_or(fact)) + unit;
+        // What the program proposed nobody has stated; the calls' table says so.
         if part("author") == Some(PROGRAM) {
-            let stated = format!("{stated} ({})", self.words.get("stated-proposed"));
-            return self.row(key, scan, Some(stated), "");
+            return;
         }
         let by: Vec<&str> = ["author", "entered"].into_iter().filter_map(part).collect();
         self.row(key, scan, Some(stated), &by.join(", "));
@@ -276,17 +276,15 @@ mod tests {
     }
 
     #[test]
-    fn treatments_have_an_author_and_a_proposed_baseline_has_none() {
+    fn treatments_have_an_author_and_a_proposed_baseline_is_not_stated() {
         let treatment =
             "treatment = [{ start = 2024-02-05, kind = \"drug\", author = \"C. D.\", entered = 2024-05-01 }]";
         let mut of = history(treatment, "");
         of.baseline = Some(Fact::proposed(Label("2024-01-01".into())));
         let rows = cells(&of, Language::En, true);
-        assert_eq!(rows[0], ["Patient", "Baseline: 2024-01-01 (proposed by the program)", ""]);
-        assert_eq!(rows[1], ["Patient", "Treatment: 2024-02-05: drug", "C. D., 2024-05-01"]);
+        assert_eq!(rows, [["Patient", "Treatment: 2024-02-05: drug", "C. D., 2024-05-01"]]);
         let unnamed = cells(&of.without_authors(), Language::En, false).concat();
-        assert!(!unnamed.iter().any(|cell| cell.contains("C. D.")), "{unnamed:?}");
-        assert!(unnamed[1].contains("proposed by the program"), "{unnamed:?}");
+        assert_eq!(unnamed, ["Patient", "Treatment: 2024-02-05: drug"]);
     }
 
     #[test]

@@ -74,7 +74,6 @@ impl Targets<'_> {
             ];
             words.with("lowest-sum", &variables)
         });
-        let note = [lowest, Some(words.get("digits-note"))].into_iter().flatten().collect::<Vec<_>>();
         let head = [
             words.get("lesion"),
             words.get("counts-as"),
@@ -82,7 +81,7 @@ impl Targets<'_> {
             self.dates[1].to_owned(),
             words.get("lesion-change"),
         ];
-        Table { head: head.into(), text_columns: 2, rows, note: Some(note.join(" ")) }
+        Table { head: head.into(), text_columns: 2, rows, note: lowest }
     }
 
     fn row(&self, name: &str, role: String, quantity: Quantity) -> Vec<String> {

@@ -31,6 +31,7 @@ pub mod preferences;
 pub mod recent;
 pub mod report;
 pub mod report_file;
+mod report_preview;
 pub mod run;
 pub mod study;
 mod take_home;

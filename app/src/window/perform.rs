@@ -159,12 +159,21 @@ impl GlioscopeApp {
                 self.go_to_pending();
             }
             AppCommand::ShowReport => {
-                self.open.report = Some(report::ReportDialog::new(self.preferences.get().report_language));
+                let remembered = self.preferences.get();
+                let (language, is_pdf) = (remembered.report_language, remembered.report_pdf);
+                let folder = self.folder_for(&Purpose::Report(report::Options::default()));
+                self.open.report = Some(report::ReportDialog::new(language, is_pdf, folder));
             }
             AppCommand::KeepPicture => self.keep_picture(ctx),
             AppCommand::WriteReport(options) => self.open_file_dialog(ctx, Purpose::Report(*options)),
             AppCommand::WriteReportTo(options, path) => {
-                self.preferences.change().report_language = options.language;
+                let remembered = self.preferences.change();
+                remembered.report_language = options.language;
+                match report::FileKind::of(path) {
+                    Some(report::FileKind::Pages(report::Form::Pdf)) => remembered.report_pdf = true,
+                    Some(report::FileKind::Pages(report::Form::Html)) => remembered.report_pdf = false,
+                    _ => {}
+                }
                 let reader = self.work.doc.as_ref().map(|doc| doc.edit.reading.reader.clone());
                 self.preferences.remember_reader(&reader.unwrap_or_default());
                 self.preferences.save();

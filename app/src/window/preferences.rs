@@ -48,6 +48,8 @@ pub struct Remembered {
     pub reader: String,
     /// The language of the report written last.
     pub report_language: Language,
+    /// Whether that report was a PDF, else HTML.
+    pub report_pdf: bool,
     /// The language in which something was explained last.
     pub explain_language: Language,
     /// Points per millimetre of the screen, as the user fitted them to a bank card.
@@ -149,6 +151,7 @@ mod tests {
             layouts: BTreeMap::new(),
             reader: "Dr. Reader".into(),
             report_language: Language::De,
+            report_pdf: true,
             explain_language: Language::De,
             points_per_mm: Some(4.5),
         };

@@ -1,6 +1,6 @@
 //! The dialog that writes a report, and the report of what the window shows.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use egui::{Button, Grid, Ui};
 use glioscope_core::{
@@ -16,8 +16,9 @@ use jiff::Timestamp;
 use super::{
     modal::{self, Reply},
     report_file::{Asked, ReportFile, file_of},
+    report_preview::Preview,
 };
-pub use crate::report::Options;
+pub use crate::report::{FileKind, Form, Options};
 use crate::{
     command::{AppCommand, Command, Commands, EditCommand, Notice, Workstation},
     error::AppError,
@@ -27,7 +28,7 @@ use crate::{
         reading::{MOST_CONCLUSION, MOST_READER},
     },
     output,
-    report::{self, FileKind, Filing, Identity},
+    report::{self, Filing, Identity},
     views::draw,
     words::{Language, Words},
     world::{World, load},
@@ -36,21 +37,42 @@ use crate::{
 const WIDTH_POINTS: f32 = 420.0;
 /// Height of the list of pictures, points.
 const LIST_POINTS: f32 = 170.0;
+/// Width of the first page beside it, points; left out where the window hasn't the room.
+const PAGE_POINTS: f32 = 520.0;
+/// What of the window's sides isn't the dialog's, points.
+const MARGIN_POINTS: f32 = 80.0;
 
 /// The dialog.
 pub struct ReportDialog {
     options: Options,
     /// The sentences of each language: parsing them takes longer than drawing.
     words: [Words; 2],
+    is_pdf: bool,
+    /// Files that don't exist yet in the folder proposed: HTML and PDF.
+    proposed: Option<[PathBuf; 2]>,
+    preview: Preview,
 }
 
 impl ReportDialog {
-    /// The dialog as it opens. How much of the patient's identity a report has is asked for anew each time.
-    pub fn new(language: Language) -> Self {
+    /// The dialog as it opens, in the language and form of the report written last. How much of the patient's identity a report has is asked
+    /// for anew each time. A file is proposed in `folder`.
+    pub fn new(language: Language, is_pdf: bool, folder: Option<PathBuf>) -> Self {
         // A report is signed unless its reader says otherwise.
         let options = Options { language, names_reader: true, ..Options::default() };
-        Self { options, words: [Language::En, Language::De].map(report::words) }
+        let folder = folder.filter(|folder| folder.is_dir());
+        let proposed = folder.and_then(|folder| Some([unused(&folder, "html")?, unused(&folder, "pdf")?]));
+        let words = [Language::En, Language::De].map(report::words);
+        Self { options, words, is_pdf, proposed, preview: Preview::default() }
     }
+}
+
+/// `report.html`, or with the least number behind it of which nothing is there: `report-2.html`.
+fn unused(folder: &Path, ending: &str) -> Option<PathBuf> {
+    let names = (1..1000).map(|n| match n {
+        1 => format!("report.{ending}"),
+        n => format!("report-{n}.{ending}"),
+    });
+    names.map(|name| folder.join(name)).find(|path| path.symlink_metadata().is_err())
 }
 
 /// Draws the dialog while it is open. `evaluated`, `lesions`: the response and lesions shown.
@@ -61,69 +83,116 @@ pub fn show(
     (evaluated, lesions): (Option<&Evaluated>, Option<&LesionsReport>),
     out: &mut Commands,
 ) {
-    let (Some(ReportDialog { options, words }), Some(case)) = (open.as_mut(), work.world.case()) else {
-        return;
-    };
-    let patient = &case.patient;
+    let (Some(dialog), Some(case)) = (open.as_mut(), work.world.case()) else { return };
+    let window = ui.ctx().content_rect().size();
+    let has_page = window.x >= WIDTH_POINTS + PAGE_POINTS + MARGIN_POINTS;
+    let mut elsewhere = false;
     let reply = modal::show(ui.ctx(), "Write a report", |ui| {
-        ui.set_width(WIDTH_POINTS);
-        ui.label("One file to hand over: calls, warnings, pictures and numbers.");
-        ui.add_space(6.0);
-        Grid::new("report").num_columns(2).spacing([16.0, 8.0]).show(ui, |ui| {
-            ui.label("Patient");
-            ui.vertical(|ui| {
-                let name =
-                    if patient.name.is_empty() { String::new() } else { format!(" ({})", patient.name) };
-                for (identity, text) in [
-                    (Identity::None, "Neither name nor file names".to_owned()),
-                    (Identity::Initials, "Initials".to_owned()),
-                    (Identity::Full, format!("In full, with file names{name}")),
-                ] {
-                    ui.radio_value(&mut options.identity, identity, text);
-                }
+        ui.horizontal_top(|ui| {
+            let reply = ui.vertical(|ui| {
+                ui.set_width(WIDTH_POINTS);
+                content(ui, dialog, (work, case), (evaluated, lesions), &mut elsewhere, out)
             });
-            ui.end_row();
-            ui.label("Language");
-            ui.vertical(|ui| modal::language(ui, &mut options.language));
-            ui.end_row();
-        });
-        if let Some(doc) = &work.doc {
-            let now = words.each_ref().map(|words| {
-                let calls = evaluated.and_then(|evaluated| report::calls_in_words(evaluated, lesions, words));
-                calls.filter(|_| doc.edit.response.history.is_some())
-            });
-            let chosen = usize::from(options.language == Language::De);
-            reading(ui, doc, (&now, chosen), options, out);
-            pictures(ui, case, doc, out);
-        }
-        ui.add_space(6.0);
-        let open = evaluated.map_or(0, |evaluated| evaluated.response.missing_answers());
-        if open > 0 {
-            let text = match open {
-                1 => "1 answer is missing in the response: it can change the call".to_owned(),
-                several => format!("{several} answers are missing in the response: they can change the call"),
-            };
-            ui.colored_label(ui.visuals().warn_fg_color, text);
-        }
-        let mut reply = Reply::None;
-        ui.horizontal(|ui| {
-            if ui.add(Button::new("Choose the file…")).clicked() {
-                reply = Reply::Accept;
+            if let (true, Some(doc)) = (has_page, &work.doc) {
+                ui.add_space(12.0);
+                let room = (dialog.options, PAGE_POINTS, window.y - 2.0 * MARGIN_POINTS);
+                dialog.preview.show(ui, case, doc, room);
             }
-            if ui.button("Cancel").clicked() {
-                reply = Reply::Cancel;
-            }
-        });
-        reply
+            reply.inner
+        })
+        .inner
     });
-    match reply {
-        Reply::None => {}
-        Reply::Cancel => *open = None,
-        Reply::Accept => {
-            out.push(AppCommand::WriteReport(*options));
+    let proposed = dialog.proposed.as_ref().map(|[html, pdf]| if dialog.is_pdf { pdf } else { html });
+    match (reply, proposed) {
+        (Reply::None, _) => {}
+        (Reply::Cancel, _) => *open = None,
+        (Reply::Accept, Some(path)) if !elsewhere => {
+            out.push(AppCommand::WriteReportTo(dialog.options, path.clone()));
+            *open = None;
+        }
+        (Reply::Accept, _) => {
+            out.push(AppCommand::WriteReport(dialog.options));
             *open = None;
         }
     }
+}
+
+/// The dialog's fields and buttons; `elsewhere`: whether another file than the one proposed is to be chosen.
+fn content(
+    ui: &mut Ui,
+    dialog: &mut ReportDialog,
+    (work, case): (&Workstation, &Case),
+    (evaluated, lesions): (Option<&Evaluated>, Option<&LesionsReport>),
+    elsewhere: &mut bool,
+    out: &mut Commands,
+) -> Reply {
+    let ReportDialog { options, words, is_pdf, proposed, .. } = dialog;
+    let patient = &case.patient;
+    ui.add_space(6.0);
+    Grid::new("report").num_columns(2).spacing([16.0, 8.0]).show(ui, |ui| {
+        ui.label("Patient");
+        ui.vertical(|ui| {
+            let name = if patient.name.is_empty() { String::new() } else { format!(" ({})", patient.name) };
+            for (identity, text) in [
+                (Identity::None, "Neither name nor file names".to_owned()),
+                (Identity::Initials, "Initials".to_owned()),
+                (Identity::Full, format!("In full, with file names{name}")),
+            ] {
+                ui.radio_value(&mut options.identity, identity, text);
+            }
+        });
+        ui.end_row();
+        ui.label("Language");
+        ui.horizontal(|ui| modal::language(ui, &mut options.language));
+        ui.end_row();
+        if proposed.is_some() {
+            ui.label("Form");
+            ui.horizontal(|ui| {
+                ui.radio_value(is_pdf, false, "HTML");
+                ui.radio_value(is_pdf, true, "PDF");
+            });
+            ui.end_row();
+        }
+    });
+    if let Some(doc) = &work.doc {
+        let now = words.each_ref().map(|words| {
+            let calls = evaluated.and_then(|evaluated| report::calls_in_words(evaluated, lesions, words));
+            calls.filter(|_| doc.edit.response.history.is_some())
+        });
+        let chosen = usize::from(options.language == Language::De);
+        reading(ui, doc, (&now, chosen), options, out);
+        pictures(ui, case, doc, out);
+    }
+    ui.add_space(6.0);
+    let open = evaluated.map_or(0, |evaluated| evaluated.response.missing_answers());
+    if open > 0 {
+        let text = match open {
+            1 => "1 answer is missing in the response: it can change the call".to_owned(),
+            several => format!("{several} answers are missing in the response: they can change the call"),
+        };
+        ui.colored_label(ui.visuals().warn_fg_color, text);
+    }
+    let mut reply = Reply::None;
+    let path = proposed.as_ref().map(|[html, pdf]| if *is_pdf { pdf } else { html });
+    ui.horizontal(|ui| {
+        if let Some(path) = path {
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            if ui.button(format!("Write {name}")).on_hover_text(path.display().to_string()).clicked() {
+                reply = Reply::Accept;
+            }
+        }
+        let tip = "Another name or folder, or another form by the ending: .md, .json, .csv, .dcm, .sr.dcm";
+        if ui.button("Choose the file…").on_hover_text(tip).clicked() {
+            (reply, *elsewhere) = (Reply::Accept, true);
+        }
+        if ui.button("Cancel").clicked() {
+            reply = Reply::Cancel;
+        }
+    });
+    if let Some(folder) = path.and_then(|path| path.parent()) {
+        ui.add(egui::Label::new(egui::RichText::new(format!("in {}", folder.display())).weak()).truncate());
+    }
+    reply
 }
 
 /// The conclusion, and who signs it. `now`: the calls of the response in a sentence, by language, of which that `chosen` can be taken

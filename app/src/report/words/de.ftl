@@ -23,7 +23,6 @@ not-stated = in den Dateien nicht angegeben
 
 summary = Zusammenfassung
 warnings = Warnungen
-warnings-intro = Sie betreffen die Zahlen unten. Bitte zuerst lesen.
 no-warnings = Das Programm fand nichts, wovor zu warnen wäre.
 warning-mark = Warnung
 note-mark = Hinweis
@@ -306,4 +305,3 @@ volume-of-targets = Volumen der Zielläsionen
 lowest-sum = Niedrigste Summe: { $sum } am { $date }, seitdem { $change }.
 digits-note = Produkte sind die der ungerundeten Durchmesser.
 picture-new-lesion = Neue Läsion { $lesion } in ihrem axialen Schnitt.
-stated-proposed = vom Programm vorgeschlagen

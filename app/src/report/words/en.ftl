@@ -23,7 +23,6 @@ not-stated = not stated by the files
 
 summary = Summary
 warnings = Warnings
-warnings-intro = These concern the numbers below. Read them first.
 no-warnings = The program found nothing to warn of.
 warning-mark = Warning
 note-mark = Note
@@ -306,4 +305,3 @@ volume-of-targets = Volume of targets
 lowest-sum = Lowest sum: { $sum } at { $date }, since then { $change }.
 digits-note = Products are of the unrounded diameters.
 picture-new-lesion = New lesion { $lesion } in its axial slice.
-stated-proposed = proposed by the program

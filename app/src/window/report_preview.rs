@@ -38,7 +38,9 @@ impl Preview {
         ui.vertical(|ui| {
             ui.set_width(width);
             ui.strong("What its first page says");
-            let area = ScrollArea::vertical().id_salt("first page").max_height(height);
+            // A dialog has the size of its last frame: else the page couldn't become higher than what stood there before.
+            let area =
+                ScrollArea::vertical().id_salt("first page").max_height(height).min_scrolled_height(height);
             area.auto_shrink([false, true]).show(ui, |ui| match (&self.shown, &self.job) {
                 (Some((_, Ok((.., front)))), _) => page(ui, front),
                 (Some((_, Err(error))), _) => {

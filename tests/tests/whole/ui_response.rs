@@ -6,13 +6,13 @@ use egui::Key;
 use egui_kittest::kittest::{NodeT, Queryable};
 use glioscope::{
     command::{AppCommand, EditCommand},
-    model::{CaseRef, PaneId, layout::Task, session},
+    model::{CaseRef, PaneId, Reading, layout::Task, session},
     window::recent::Recent,
 };
 use glioscope_core::response::{Call, Fact, Label, NewLesion, NonTarget, Part, TreatmentKind};
 use glioscope_tests::{
-    Window, answer, choose, doc, issue, pane_picture, perform, run, wait_for_workers, window_of_user,
-    window_on,
+    Window, answer, choose, doc, error_text, issue, pane_picture, perform, run, wait_for_workers,
+    window_of_user, window_on,
 };
 
 use crate::{PROGRAM, lesions::balls};
@@ -280,6 +280,59 @@ fn new_lesions_of_the_masks_are_asked_about_and_stand_in_the_conclusion() {
     click(&mut harness, "Take over the calls");
     let conclusion = doc(&harness).edit.reading.conclusion.clone();
     assert!(conclusion.contains("RANO 2010") && !conclusion.contains("New:"), "{conclusion}");
+}
+
+/// Runs frames until a label has `text`.
+fn wait_for(harness: &mut Window, text: &str) {
+    for _ in 0..500 {
+        harness.run_ok();
+        if harness.query_all_by_label_contains(text).next().is_some() {
+            return;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    panic!("nothing says {text:?}");
+}
+
+#[test]
+fn a_report_is_read_before_it_is_signed_and_written_beside_the_case() {
+    let folder = tempfile::tempdir().unwrap();
+    for (date, of) in [
+        ("2024-01-01", vec![([15.0, 15.0, 20.0], 8.0)]),
+        ("2024-03-01", vec![([15.0, 15.0, 20.0], 8.0), ([45.0, 45.0, 20.0], 4.0)]),
+    ] {
+        balls(&folder.path().join(format!("{date}.nii")), &of);
+    }
+    let mask = |date: &str| format!("[[mask]]\nid = \"T\"\nfile = \"{date}.nii\"\ntime = \"{date}\"\n");
+    let manifest = format!("glioscope = 1\nname = \"A\"\n{}{}", mask("2024-01-01"), mask("2024-03-01"));
+    std::fs::write(folder.path().join("case.toml"), manifest).unwrap();
+    std::fs::write(folder.path().join("report.pdf"), "of before").unwrap();
+    let case = CaseRef::Path(folder.path().join("case.toml"));
+    let mut harness = window_on(case, [1280.0, 900.0], egui::Theme::Light);
+    issue(&mut harness, EditCommand::MaximizePane(PaneId::Response));
+    wait_for_workers(&mut harness);
+    choose(&mut harness, "Criteria", "RANO 2010");
+    wait_for_workers(&mut harness);
+    click(&mut harness, "Write a report…");
+    wait_for(&mut harness, "Lesions that the calls rest on");
+    // It follows what is written, by whom, and in which language.
+    let reading = Reading { conclusion: "Seen by the board.".into(), ..Reading::default() };
+    perform(&mut harness, EditCommand::SetReading(Box::new(reading)));
+    wait_for(&mut harness, "not named in this report");
+    assert_eq!(harness.query_all_by_label("Seen by the board.").count(), 1, "{}", error_text(&harness));
+    click(&mut harness, "Deutsch");
+    wait_for(&mut harness, "Läsionen, auf denen");
+    click(&mut harness, "English");
+    click(&mut harness, "PDF");
+    // Nothing is written over.
+    click(&mut harness, "Write report-2.pdf");
+    wait_for_workers(&mut harness);
+    assert_eq!(error_text(&harness), "");
+    assert!(std::fs::read(folder.path().join("report-2.pdf")).unwrap().starts_with(b"%PDF"));
+    assert_eq!(std::fs::read(folder.path().join("report.pdf")).unwrap(), b"of before");
+    // The form is remembered.
+    click(&mut harness, "Write a report…");
+    harness.get_by_label("Write report-3.pdf");
 }
 
 /// A reader arranges the panes once for a stack of cases; with one date other panes matter.

@@ -31,6 +31,9 @@ pub(super) fn wrong(place: &str, found: impl AsRef<str>, expected: impl AsRef<st
     }
 }
 
+/// What a place with a line begins with.
+const LINE: &str = "history, line ";
+
 impl History {
     /// Reads a history from TOML and checks it.
     ///
@@ -45,7 +48,7 @@ impl History {
             let line = error.span().and_then(|span| text.get(..span.start));
             let place = line.map_or_else(
                 || "history".to_owned(),
-                |before| format!("history, line {}", before.matches('\n').count() + 1),
+                |before| format!("{LINE}{}", before.matches('\n').count() + 1),
             );
             let message = error.message().replace("unknown field", "unknown key");
             match message.split_once(", expected ") {
@@ -84,7 +87,15 @@ impl History {
         } else if criterion.is_some() {
             table.remove("assessment");
         }
-        if table == before { Self::parse(text) } else { Self::parse(&table.to_string()) }
+        if table == before {
+            return Self::parse(text);
+        }
+        // Lines are those of the text, not of what it was made into.
+        Self::parse(&table.to_string()).map_err(|error| match Self::parse(text) {
+            Err(own) if own.found == error.found => own,
+            _ if error.place.starts_with(LINE) => HistoryError { place: "history".into(), ..error },
+            _ => error,
+        })
     }
 
     /// Checks what a value alone shows: ranges, sizes, choices that the criteria don't have.
@@ -148,6 +159,11 @@ impl History {
             named(&place, "date", &facts.date.0)?;
             in_range(&place, "steroids_mg", facts.steroids_mg.as_ref().map(|fact| fact.value), 0.0, 1000.0)?;
         }
+        let mut operated = HashSet::new();
+        if let Some(twice) = self.surgery.iter().find(|surgery| !operated.insert(surgery.date.to_string())) {
+            let found = format!("{} twice", twice.date);
+            return Err(wrong("history, [[surgery]]", found, "one surgery a day"));
+        }
         self.measurement.iter().try_for_each(check_measurement)
     }
 
@@ -169,7 +185,7 @@ impl History {
         for number in TrialNumber::VARIANTS {
             let Some((value, source)) = number.of(trial) else { continue };
             let place = format!("history, trial.{}", number.key());
-            in_range(&place, "value", Some(value), 0.0, TrialNumber::MOST)?;
+            in_range(&place, "value", Some(value), 0.0, number.most())?;
             named(&place, "source", source)?;
             if !number.is_open(self.criterion) {
                 let found = format!("a value with {}", self.criterion.name());

@@ -63,8 +63,14 @@ pub enum TrialNumber {
 }
 
 impl TrialNumber {
-    /// The most that any of them can be.
-    pub const MOST: f64 = 10_000.0;
+    /// The most that it can be.
+    pub fn most(self) -> f64 {
+        match self {
+            // Nothing shrinks by more than all of it.
+            Self::MinorResponseVolumePercent => 100.0,
+            _ => 10_000.0,
+        }
+    }
 
     /// Its key in the history.
     pub fn key(self) -> &'static str {

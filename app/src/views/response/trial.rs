@@ -49,7 +49,7 @@ pub(super) fn show(ui: &mut Ui, history: &mut History) {
 fn row(ui: &mut Ui, history: &mut History, of: TrialNumber) {
     let trial = &mut history.trial;
     let stated = of.of(trial).map(|(value, source)| (value, source.to_owned()));
-    let new = with_source(ui, title(of), stated.as_ref(), 0.0..=TrialNumber::MOST);
+    let new = with_source(ui, title(of), stated.as_ref(), 0.0..=of.most());
     if new != stated {
         of.set(trial, new);
     }

@@ -86,6 +86,36 @@ fn a_history_is_read() {
 }
 
 #[test]
+fn a_line_is_that_of_the_text_whatever_criteria_are_asked_for() {
+    let wrong = GOOD.replacen("steroids_mg = 2", "steroid = 2", 1);
+    let line = 1 + wrong.lines().position(|line| line.contains("steroid =")).unwrap();
+    // With comments above, a rewritten document has other lines.
+    let wrong = format!("# one\n# two\n\n{wrong}");
+    for criterion in [None, Some(Criterion::Rano2010), Some(Criterion::ModifiedRano)] {
+        let error = History::parse_for(&wrong, criterion, None).unwrap_err();
+        assert_eq!(error.place, format!("history, line {}", line + 3), "{criterion:?}: {error}");
+    }
+    // Without criteria of its own the text has another fault behind this one.
+    let without = wrong.replacen("criterion = \"rano-2.0\"\n", "", 1);
+    let error = History::parse_for(&without, Some(Criterion::Rano2010), None).unwrap_err();
+    assert_eq!(error.place, format!("history, line {}", line + 2), "{error}");
+}
+
+#[test]
+fn two_surgeries_on_a_day_and_more_than_all_of_a_volume_are_refused() {
+    let twice = "[[surgery]]\ndate = 2024-01-03\n".repeat(2);
+    let error = History::parse(&format!("{GOOD}{twice}")).unwrap_err().to_string();
+    assert!(error.contains("found 2024-01-03 twice, expected one surgery a day"), "{error}");
+    let mut trial = History::parse(GOOD).unwrap();
+    let of = TrialNumber::MinorResponseVolumePercent;
+    of.set(&mut trial.trial, Some((100.0, "protocol".into())));
+    trial.check().unwrap();
+    of.set(&mut trial.trial, Some((101.0, "protocol".into())));
+    let error = trial.check().unwrap_err().to_string();
+    assert!(error.contains("found value = 101, expected a number from 0 to 100"), "{error}");
+}
+
+#[test]
 fn each_error_is_one_line_with_what_was_found_and_expected() {
     let replaced = |from: &str, to: &str| {
         assert!(GOOD.contains(from), "{from}");

@@ -189,7 +189,10 @@ mod tests {
         };
         let rest = ["--sky-order", "--clusters", "--cell-mm", "--sub-cones"];
         assert_eq!(unused(LightingMode::HalfAngle, &cells), [&["--aperture"], &rest[..]].concat());
-        assert_eq!(unused(LightingMode::ShadowVolume, &cells), ["--aperture", "--sky-order", "--clusters", "--sub-cones"]);
+        assert_eq!(
+            unused(LightingMode::ShadowVolume, &cells),
+            ["--aperture", "--sky-order", "--clusters", "--sub-cones"]
+        );
         assert_eq!(unused(LightingMode::SphericalHarmonics, &cells), ["--clusters", "--sub-cones"]);
         let dynamic = ["--aperture", "--lamp", "--sky-order", "--sub-cones"];
         assert_eq!(unused(LightingMode::DynamicAmbient, &cells), dynamic);

@@ -245,10 +245,10 @@ impl Bar<'_> {
     }
 }
 
-/// A menu that may be higher than the window: then it scrolls.
+/// A menu that may be higher than the window: then it scrolls. It takes all of the height first, moved up from where it opens.
 fn scrolling(ui: &mut Ui, add: impl FnOnce(&mut Ui)) {
     let most = ui.ctx().content_rect().height() - MENU_MARGIN;
-    egui::ScrollArea::vertical().max_height(most).show(ui, add);
+    egui::ScrollArea::vertical().max_height(most).min_scrolled_height(most).show(ui, add);
 }
 
 /// Where the lamp stands. Returns it if it was changed.

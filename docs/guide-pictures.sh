@@ -32,9 +32,16 @@ session["document"]["edit"]["response"].update(author="A. Reader", history={
 PYTHON
 ./x run -- render "$made/read.glioscope.json" --software --view response --size 760x640 --out docs/images/guide-response.png
 # Every lighting mode at rest, as docs/lights.md shows them; the default is the README's headlight.
+dark=()
 for light in traced horizon screen-space depth-darkening vicinity-map slices cones half-angle shadow-volume spherical-harmonics \
     dynamic-ambient path-traced; do
     quality=reference
     if [[ $light == path-traced ]]; then quality=balanced; fi
     picture "light-$light" --view context --size 340x310 --clip front=40 --light "$light" --quality "$quality"
+    ./x run -- render --sample --software --out "$made/$light.png" --view context --size 340x310 --clip front=40 --light "$light" \
+        --quality balanced --dark
+    dark+=(-label "$light" "$made/$light.png")
 done
+# Side by side, dark, by ImageMagick.
+montage "${dark[@]}" -tile 4x3 -geometry 255x232+2+2 -background '#14171b' -fill '#dddddd' -pointsize 12 "$made/dark.png"
+convert "$made/dark.png" -strip -colors 200 PNG8:docs/images/lights-dark.png

@@ -252,6 +252,10 @@ pub struct LightArguments {
     /// Cones, shadow volume, spherical harmonics, dynamic ambient: side of the cells of the image in which light is kept.
     #[arg(long, value_name = "MM", value_parser = parse::above_zero(100.0), allow_hyphen_values = true)]
     pub cell_mm: Option<f64>,
+    /// Cones: parts into which the cone of light is divided, 1 to 128.
+    #[arg(long, value_name = "N",
+          value_parser = clap::value_parser!(u32).range(1..=i64::from(LightSettings::MOST_SUB_CONES)))]
+    pub sub_cones: Option<u32>,
     /// Spherical harmonics: order of the functions, 0 to 5.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=5))]
     pub sky_order: Option<u32>,

@@ -53,6 +53,7 @@ fn knobs(arguments: &LightArguments, base: Knobs) -> Knobs {
     for (knob, value) in [
         (Knob::SliceMm, a.slice_mm),
         (Knob::CellMm, a.cell_mm),
+        (Knob::SubCones, whole(a.sub_cones)),
         (Knob::SkyOrder, whole(a.sky_order)),
         (Knob::SkyDirections, whole(a.sky_directions)),
         (Knob::SkyShare, a.sky_share),
@@ -75,7 +76,24 @@ fn knobs(arguments: &LightArguments, base: Knobs) -> Knobs {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cli::{Cli, Task};
+    use clap::Parser;
+    use strum::VariantArray;
+
     use glioscope_render::{LampFrame, LightingMode, MutualOcclusion, PathSettings, SliceVariant};
+
+    /// Each setting of the table has an option that sets it to what is given.
+    #[test]
+    fn every_knob_has_an_option() {
+        let given = "--slice-mm 3 --cell-mm 5 --sub-cones 7 --sky-order 2 --sky-directions 9 --sky-share 0.25 --clusters 11 \
+                     --tissue-bleeding 0.5 --paths 13 --bounces 15 --anisotropy -0.5 --lamp-share 0.75 --lamp-radius 17 \
+                     --tissue-shading 0.125";
+        let words = ["glioscope", "render"].into_iter().chain(given.split_whitespace());
+        let Some(Task::Render(arguments)) = Cli::try_parse_from(words).unwrap().task else { panic!() };
+        let expected: Vec<f64> = given.split_whitespace().filter_map(|word| word.parse().ok()).collect();
+        let found: Vec<(Knob, f64)> = knobs(&arguments.light, Knobs::default()).given().collect();
+        assert_eq!(found, Knob::VARIANTS.iter().copied().zip(expected).collect::<Vec<_>>());
+    }
 
     #[test]
     fn custom_settings_start_from_the_preset() {

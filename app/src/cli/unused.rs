@@ -115,6 +115,7 @@ pub(super) fn without_effect_on_light(arguments: &LightArguments, choice: &Light
         ("--tissue-bleeding", a.tissue_bleeding.is_some(), has(Knob::TissueBleeding)),
         ("--tissue-shading", a.tissue_shading.is_some(), has(Knob::TissueShading)),
         ("--cell-mm", a.cell_mm.is_some(), has(Knob::CellMm)),
+        ("--sub-cones", a.sub_cones.is_some(), has(Knob::SubCones)),
     ];
     let unused = table.into_iter().filter(|(_, given, has_effect)| *given && !has_effect);
     unused.map(|(option, ..)| option).collect()
@@ -180,16 +181,22 @@ mod tests {
             cell_mm: Some(3.0),
             sky_order: Some(2),
             clusters: Some(9),
+            sub_cones: Some(4),
             slice_mm: None,
             smooth: false,
             occlusion_mm: None,
             ..lamp
         };
-        let rest = ["--sky-order", "--clusters", "--cell-mm"];
+        let rest = ["--sky-order", "--clusters", "--cell-mm", "--sub-cones"];
         assert_eq!(unused(LightingMode::HalfAngle, &cells), [&["--aperture"], &rest[..]].concat());
-        assert_eq!(unused(LightingMode::ShadowVolume, &cells), ["--aperture", "--sky-order", "--clusters"]);
-        assert_eq!(unused(LightingMode::SphericalHarmonics, &cells), ["--clusters"]);
-        assert_eq!(unused(LightingMode::DynamicAmbient, &cells), ["--aperture", "--lamp", "--sky-order"]);
+        assert_eq!(
+            unused(LightingMode::ShadowVolume, &cells),
+            ["--aperture", "--sky-order", "--clusters", "--sub-cones"]
+        );
+        assert_eq!(unused(LightingMode::SphericalHarmonics, &cells), ["--clusters", "--sub-cones"]);
+        let dynamic = ["--aperture", "--lamp", "--sky-order", "--sub-cones"];
+        assert_eq!(unused(LightingMode::DynamicAmbient, &cells), dynamic);
+        assert_eq!(unused(LightingMode::Cones, &cells), ["--sky-order", "--clusters"]);
         let paths = LightArguments {
             paths: Some(64),
             lamp_share: Some(0.5),

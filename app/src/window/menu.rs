@@ -26,6 +26,8 @@ use crate::{
 
 /// Width proposed for pictures: a text column of 8.5 cm in print at 600 dots per inch.
 const DEFAULT_WIDTH_PX: u32 = 2008;
+/// Above and below the entries of a menu that is as high as the window, together, points: its frame and a gap.
+const MENU_MARGIN: f32 = 28.0;
 
 /// Input of the menus.
 struct Bar<'a> {
@@ -79,7 +81,13 @@ impl Bar<'_> {
             for inner in menu.inner(*group).filter(|inner| self.shows(*inner)) {
                 // A field in a menu is clicked to type in it; entries close the menu themselves.
                 let config = MenuConfig::new().close_behavior(PopupCloseBehavior::CloseOnClickOutside);
-                SubMenuButton::new(inner.title()).config(config).ui(ui, |ui| self.menu(ui, inner, out));
+                SubMenuButton::new(inner.title()).config(config).ui(ui, |ui| {
+                    if inner == Menu::Light {
+                        scrolling(ui, |ui| self.menu(ui, inner, out));
+                    } else {
+                        self.menu(ui, inner, out);
+                    }
+                });
             }
             let commands = listed().iter().filter(|listed| listed.menu == Some((menu, *group)));
             for listed in commands.filter(|listed| menu != Menu::View || self.shows_in_view(&listed.command))
@@ -235,6 +243,12 @@ impl Bar<'_> {
             out.push(EditCommand::SetShading(Box::new(shading)));
         }
     }
+}
+
+/// A menu that may be higher than the window: then it scrolls. It takes all of the height first, moved up from where it opens.
+fn scrolling(ui: &mut Ui, add: impl FnOnce(&mut Ui)) {
+    let most = ui.ctx().content_rect().height() - MENU_MARGIN;
+    egui::ScrollArea::vertical().max_height(most).min_scrolled_height(most).show(ui, add);
 }
 
 /// Where the lamp stands. Returns it if it was changed.

@@ -261,6 +261,50 @@ fn diagnostics_report_the_expected_lighting_error() {
     harness.get_all_by_label_contains(&text).next().unwrap();
 }
 
+/// In a window that is too low for the longest menu it scrolls within the window: its first entry is seen at first, its last
+/// button after scrolling, and can be clicked.
+#[test]
+fn the_menu_of_light_scrolls_in_a_low_window() {
+    let height = 600.0;
+    let mut harness = window_on(CaseRef::Sample, [1000.0, height], Theme::Light);
+    perform(&mut harness, EditCommand::SetPreset(Some(Preset::Draft)));
+    maximized(&mut harness, PaneId::Axial);
+    perform(&mut harness, EditCommand::SetLightingMode(LightingMode::PathTraced));
+    let shading = Shading { ambient_share: Some(0.3), ..Shading::default() };
+    perform(&mut harness, EditCommand::SetShading(Box::new(shading)));
+    harness.get_by_label("View").click();
+    harness.run_ok();
+    harness.get_by_label_contains("Light and quality").click();
+    harness.run_ok();
+    let within = 0.0..=height;
+    let [first, last] = [
+        Command::from(EditCommand::SetLightingMode(LightingMode::VARIANTS[0])).text(),
+        "Shading as the lighting mode has it".to_owned(),
+    ];
+    let bounds = |harness: &Harness<'_, GlioscopeApp>, label: &str| harness.get_by_label(label).rect();
+    let seen = bounds(&harness, &first);
+    assert!(within.contains(&seen.top()) && within.contains(&seen.bottom()), "{seen}");
+    assert!(bounds(&harness, &last).bottom() > height, "the menu is longer than the window");
+    harness.hover_at(seen.center());
+    harness.run_ok();
+    harness.event(egui::Event::MouseWheel {
+        unit: egui::MouseWheelUnit::Point,
+        delta: egui::vec2(0.0, -1000.0),
+        phase: egui::TouchPhase::Move,
+        modifiers: egui::Modifiers::NONE,
+        source: egui::MouseWheelSource::Wheel,
+    });
+    harness.run_ok();
+    let seen = bounds(&harness, &last);
+    assert!(within.contains(&seen.top()) && within.contains(&seen.bottom()), "{seen}");
+    if let Ok(folder) = std::env::var("GLIOSCOPE_TEST_PICTURES") {
+        harness.render().unwrap().save(std::path::Path::new(&folder).join("light-menu-low.png")).unwrap();
+    }
+    harness.get_by_label(&last).click();
+    harness.run_ok();
+    assert_eq!(light(&harness).shading, Shading::default());
+}
+
 /// The right button turns the lamp where there is one, and never the camera; one drag is one undo.
 #[test]
 fn the_lamp_is_dragged_in_the_picture() {

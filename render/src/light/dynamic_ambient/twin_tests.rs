@@ -9,7 +9,7 @@ use glioscope_core::{
     optics::{
         Projection, Ray,
         medium::Medium,
-        monte_carlo::{Phase, direction},
+        monte_carlo::{self, Phase, direction},
         random::Random,
         srgb,
     },
@@ -137,7 +137,7 @@ pub(super) fn max_twin_error() -> f64 {
                 continue;
             }
             let middle = grid.voxel_from_world().transform_point3(middle_mm(&grid, &cells, n));
-            let (mut thickness, mut hidden, mut color) = (0.0, 0.0, DVec3::ZERO);
+            let (mut hidden, mut color) = (0.0, DVec3::ZERO);
             for direction in &directions {
                 for mm in 0..8 {
                     let exact = middle + *direction * (f64::from(mm) + 0.5);
@@ -145,21 +145,18 @@ pub(super) fn max_twin_error() -> f64 {
                     let at_mm = grid.world_from_voxel().transform_point3(exact);
                     let is_kept = clip.iter().all(|plane| past(plane, at_mm) <= 0.0);
                     if is_kept && (0..3).all(|a| at[a] >= 0.0 && at[a] < dims[a] as f64) {
-                        // Translucent below an optical thickness of 2 of the radius, opaque above 6.
+                        // Of a third of the radius.
                         let (extinction, own) = looks[&kind_of(at.to_array().map(|c| c as i64)).0];
-                        let of_radius = 8.0 * extinction;
-                        let opaque = ((of_radius - 2.0) / 4.0).clamp(0.0, 1.0);
-                        let hides = [opaque, (1.0 - opaque) * of_radius.min(6.0)].map(|x| x / (48.0 * 8.0));
-                        hidden += hides[0];
-                        thickness += hides[1];
-                        color += own * (hides[0] + hides[1]);
+                        let hides = (1.0 - (-8.0 / 3.0 * extinction).exp()) / (48.0 * 8.0);
+                        hidden += hides;
+                        color += own * hides;
                     }
                 }
             }
-            let open = (1.0 - hidden) * (-thickness).exp();
+            let open = (1.0 - hidden).powi(3);
             worst = worst.max((found - open).abs());
-            if let Some(tint) = tints.get(n).filter(|_| hidden + thickness > 0.0) {
-                let light = color / (hidden + thickness) * (tissue_bleeding * (1.0 - open)) + open;
+            if let Some(tint) = tints.get(n).filter(|_| hidden > 0.0) {
+                let light = color / hidden * (tissue_bleeding * (1.0 - open)) + open;
                 worst = worst.max((*tint - light).abs().max_element());
             }
             dark += usize::from(*found < 0.8);
@@ -263,7 +260,42 @@ fn a_transfer_function_finds_nothing_again() {
     assert!(renderer.light_work().unwrap().samples > 0);
 }
 
-/// A cut through opaque tissue has the light of a flat surface, half of that all around, instead of none.
+/// Pictures against Monte Carlo of light from within the radius, in docs/studies.md: tissue that is translucent or opaque over it.
+#[test]
+fn pictures_are_near_monte_carlo() {
+    let with = |transfer| ContextScene { transfer, ..scene(false, false, Projection::Perspective) };
+    let size = [24, 22];
+    for (name, scene, most) in [
+        ("translucent", with(transfer(false, 0.1)), [0.01, 0.02]),
+        ("soft", with(transfer(false, 0.35)), [0.02, 0.02]),
+        ("opaque", with(transfer(false, 0.99)), [0.03, 0.03]),
+    ] {
+        let medium = scene.medium().unwrap();
+        let near = Phase::Near { radius_mm: RADIUS_MM };
+        let truth = monte_carlo::picture(&medium, &scene.camera, size, near, DVec3::ZERO, 400, 7);
+        let mut renderer = ContextRenderer::new(&GPU).unwrap();
+        for (cell_mm, most) in [2.0, 4.0].into_iter().zip(most) {
+            let quality = Quality { occlusion_strength: 1.0, context_step_mm: 0.25, ..lit(cell_mm, 128) };
+            let frame = renderer.render(&GPU, &scene, &quality, size).unwrap();
+            let found = frame.read_marched(&GPU);
+            let shown = found.iter().zip(&truth).filter(|(found, _)| found.rgba()[3] > 0.01);
+            let (mut squares, mut sum, mut light, mut n) = (0.0, 0.0, 0.0, 0.0);
+            for (found, truth) in shown {
+                let [r, g, b, _] = found.rgba();
+                let off = DVec3::new(r, g, b) - truth.mean;
+                squares += off.length_squared() - truth.standard_error.length_squared();
+                sum += off.element_sum();
+                light += truth.mean.element_sum();
+                n += 3.0;
+            }
+            let rms = f64::sqrt(f64::max(squares / n, 0.0));
+            println!("{name}, {cell_mm} mm: {rms:.4}, mean {:.4} of {:.4}", sum / n, light / n);
+            assert!(n > 300.0 && rms < most, "{name}, {cell_mm} mm: {rms}");
+        }
+    }
+}
+
+/// A cut through opaque tissue is lit: a cell behind it by the share of its ways that are open, to the power of three stretches.
 #[test]
 fn a_cut_through_opaque_tissue_is_lit() {
     let mut scene = scene(false, false, Projection::Orthographic);
@@ -281,21 +313,25 @@ fn a_cut_through_opaque_tissue_is_lit() {
     let depth = 1.5 / RADIUS_MM;
     let truth = 0.5 * (1.0 - depth + depth * depth.ln());
     println!("{closed} {open} {truth}");
-    assert!(closed < 0.03 && (open - truth).abs() < 0.03, "{closed} {open} {truth}");
+    assert!(closed < 1e-4 && (open.cbrt() - truth).abs() < 0.03, "{closed} {open} {truth}");
 }
 
-/// Closed forms: a flat surface of opaque tissue has half of its light, whatever the extinction; a thin haze the light through
-/// its mean thickness; the middle of opaque tissue none.
+/// Closed forms: where all directions are alike, the light through their way; in the middle of opaque tissue, none. A flat surface of
+/// opaque tissue shows the light of its outermost layers, (1 - ln 2) / 2: exponential integral E2 over depths seen.
 #[test]
-fn opaque_tissue_hides_the_share_of_the_surroundings_that_it_fills() {
-    let half = vec![(0u16, 4.0f32), (1, 4.0)];
-    for opaque_per_mm in [1.0, 70.0, f64::INFINITY] {
-        let (light, color) = light_of(&half, 8.0, &looks(&[0.0, opaque_per_mm]));
-        assert!((light - 0.5).abs() < 1e-6, "{opaque_per_mm}: {light}");
+fn light_has_its_closed_forms() {
+    let of = |histogram: Vec<(u16, f32)>, extinctions: &[f64]| light_of(&histogram, 8.0, &looks(extinctions));
+    for per_mm in [1e-6, 0.1, 2.0] {
+        let (light, color) = of(vec![(0, 8.0)], &[per_mm]);
+        assert!((light - (-8.0 * per_mm).exp()).abs() < 1e-6, "{per_mm}: {light}");
         assert!(color.distance(DVec3::new(0.8, 0.2, 0.0)) < 1e-6, "{color}");
     }
-    let of = |histogram, extinctions: &[f64]| light_of(&histogram, 8.0, &looks(extinctions)).0;
-    assert!((of(half, &[0.0, 0.1]) - (-0.4f64).exp()).abs() < 1e-6);
-    assert_eq!(of(vec![(1, 8.0)], &[0.0, f64::INFINITY]), 0.0);
-    assert_eq!(of(Vec::new(), &[]), 1.0);
+    for opaque_per_mm in [70.0, f64::INFINITY] {
+        let (light, color) = of(vec![(0, 4.0), (1, 4.0)], &[0.0, opaque_per_mm]);
+        let truth = 0.5 * (1.0 - 2f64.ln());
+        assert!((light - truth).abs() < 0.03, "{opaque_per_mm}: {light} {truth}");
+        assert!(color.distance(DVec3::new(0.8, 0.2, 0.0)) < 1e-6, "{color}");
+    }
+    assert_eq!(of(vec![(1, 8.0)], &[0.0, f64::INFINITY]).0, 0.0);
+    assert_eq!(of(Vec::new(), &[]).0, 1.0);
 }

@@ -57,7 +57,7 @@ fn software_setup_with(max_buffer_bytes: Option<u64>) -> WgpuSetup {
 /// The arrangement for cases of one time point, with the change view and the dates as hidden tabs behind the closeup and
 /// the context view: so tests find every view at the same place in every case.
 pub fn every_view() -> egui_tiles::Tree<PaneId> {
-    let mut tree = layout::default_layout(1, 3);
+    let mut tree = layout::default_layout(layout::Held { dates: 1, images: 1, has_pet: false, masks: 3 });
     for (hidden, shown) in [(PaneId::Change, PaneId::Closeup), (PaneId::Dates, PaneId::Context)] {
         layout::toggle(&mut tree, hidden);
         tree.make_active(|_, tile| matches!(tile, egui_tiles::Tile::Pane(pane) if *pane == shown));

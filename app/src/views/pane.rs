@@ -58,6 +58,8 @@ pub struct Input<'a> {
     pub fit_grid: Option<&'a Grid>,
     /// The second image that the slices show.
     pub second: Option<Second<'a>>,
+    /// The mask that slices show alone, by its number, whatever is hidden; `None`: what is selected.
+    pub only_mask: Option<usize>,
     /// Whether views are drawn without controls, and without names of files: for explaining.
     pub is_plain: bool,
     /// Whether views are drawn without controls: for a picture on paper.

@@ -22,7 +22,7 @@ use crate::theme::{
 use crate::{
     format,
     model::{
-        fusion::image_name,
+        fusion::{image_name, name_with_unit},
         overlap::{Shown, mask_shown},
     },
     world::Second,
@@ -106,6 +106,7 @@ fn second_image(painter: &Painter, input: &Input<'_>, layout: &Layout, second: &
         }
     }
     let name = image_name(second.id, second.time);
+    let name = name_with_unit(&name, second.image.volume().unit());
     let how = match fusion.mixing {
         Mixing::Over => {
             let above = three_digits(fusion.threshold_in(second.window));
@@ -114,6 +115,8 @@ fn second_image(painter: &Painter, input: &Input<'_>, layout: &Layout, second: &
         Mixing::Checkerboard => "in squares".to_owned(),
         Mixing::Swipe => "right of the line".to_owned(),
         Mixing::Edges => "its edges".to_owned(),
+        Mixing::Blink if super::shows_second(painter.ctx(), fusion) => "in turn: shown now".to_owned(),
+        Mixing::Blink => "in turn: not now".to_owned(),
     };
     let right = rect.right() - MARGIN_POINTS;
     let mut at = pos2(right, rect.center().y + HEADING_POINTS);
@@ -257,8 +260,10 @@ fn title(
         .find(|text| text.size().x + window_width <= free)
         .unwrap_or_else(|| line(series.to_owned()));
     let window = window.filter(|window| series.size().x + window.size().x <= free);
+    let place = line(format!("{} {}", layout.slice.plane.name(), layout.slice.position_label(sides_known)));
     let middle = [rect.center().x - LETTER_POINTS, rect.center().x + LETTER_POINTS];
-    let is_middle_free = rect.left() + MARGIN_POINTS + series.size().x < middle[0]
+    // The letter is higher than a line: it reaches beside the second one.
+    let is_middle_free = rect.left() + MARGIN_POINTS + series.size().x.max(place.size().x) < middle[0]
         && window.as_ref().is_none_or(|w| rect.right() - MARGIN_POINTS - w.size().x > middle[1]);
     let top = rect.left_top() + vec2(MARGIN_POINTS, MARGIN_POINTS - 2.0);
     let mut at = top;
@@ -267,8 +272,7 @@ fn title(
         let corner = rect.right_top() + vec2(-MARGIN_POINTS, MARGIN_POINTS - 2.0);
         draw_galley(painter, corner, Align2::RIGHT_TOP, window, ON_IMAGE);
     }
-    let place = format!("{} {}", layout.slice.plane.name(), layout.slice.position_label(sides_known));
-    at.y += draw_text(painter, at, Align2::LEFT_TOP, &place, LABEL_POINTS, ON_IMAGE);
+    at.y += draw_galley(painter, at, Align2::LEFT_TOP, place, ON_IMAGE);
     if !sides_known {
         at.y += draw_text(painter, at, Align2::LEFT_TOP, "side unknown", TEXT_POINTS, WARNING_ON_IMAGE);
     }
@@ -331,5 +335,9 @@ fn scale_bar(painter: &Painter, layout: &Layout, readout_height: f32) {
         }
     }
     let text = format!("{} mm", format::plain(bar.mm));
-    draw_text(painter, right - vec2(length / 2.0, 4.0), Align2::CENTER_BOTTOM, &text, LABEL_POINTS, ON_IMAGE);
+    let text = painter.layout_no_wrap(text, theme::font(LABEL_POINTS), ON_IMAGE);
+    // Above the middle of the bar, but within the slice where the bar is shorter than its text.
+    let beyond = ((text.size().x - length) / 2.0).max(0.0);
+    let middle = right - vec2(length / 2.0 + beyond, 4.0);
+    draw_galley(painter, middle, Align2::CENTER_BOTTOM, text, ON_IMAGE);
 }

@@ -114,6 +114,7 @@ fn slice_harness(plane: Plane, sides: Sides, convention: Convention) -> Harness<
                     is_picture: false,
                     colors: &view.work.world.colors(doc),
                     second: None,
+                    only_mask: None,
                     context: view.work.world.context(doc),
                     compared: None,
                 };

@@ -5,12 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use egui::{Key, Modifiers};
 use egui_tiles::Tree;
 use glam::DVec3;
-use glioscope_core::{
-    Regions, Selection,
-    case::Alignment,
-    lesions,
-    optics::Camera,
-};
+use glioscope_core::{Regions, Selection, case::Alignment, lesions, optics::Camera};
 use glioscope_render::{
     ClipPlane, Coloring, Lamp, Lens, LightingMode, Palette, Preset, TransferFunction,
     flat::{Overlay, Window},

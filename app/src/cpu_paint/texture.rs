@@ -40,13 +40,7 @@ impl Texture {
         let (linear, wrap) = (magnification == TextureFilter::Linear, wrap_mode);
         let Some([left, top]) = delta.pos else {
             let whole = width > 0 && height > 0 && image.pixels.len() == width * height;
-            return whole.then(|| Self {
-                size: image.size,
-                pixels: pixels.to_vec(),
-                linear,
-                wrap,
-                version,
-            });
+            return whole.then(|| Self { size: image.size, pixels: pixels.to_vec(), linear, wrap, version });
         };
         let mut texture = before?;
         if left + width > texture.size[0] || top + height > texture.size[1] || width == 0 {

@@ -230,9 +230,12 @@ impl<'a> Shade<'a> {
             Self::Flat(color) => span.iter_mut().for_each(|pixel| blend(pixel, *color)),
             Self::Copied { texture, shift, texel } => {
                 match texture.row([first.saturating_add(shift[0]), y.saturating_add(shift[1])], span.len()) {
-                    Some(texels) => span.iter_mut().zip(texels).for_each(|(pixel, &above)| blend(pixel, above)),
+                    Some(texels) => {
+                        span.iter_mut().zip(texels).for_each(|(pixel, &above)| blend(pixel, above))
+                    }
                     // Beyond the texture's edge, where it repeats or its edge goes on.
-                    None => Self::Textured { texture, texel: *texel, as_is: true, color: [255; 4] }.span(span, first, y),
+                    None => Self::Textured { texture, texel: *texel, as_is: true, color: [255; 4] }
+                        .span(span, first, y),
                 }
             }
             Self::Gradient { color, texel } => {

@@ -463,7 +463,9 @@ mod tests {
         }
         assert!(!Task::FollowUp.suits(held(1, 3, 3)) && Task::FollowUp.suits(held(2, 1, 1)));
         assert!(
-            !Task::Fusion.suits(held(2, 1, 1)) && !Task::CompareMasks.suits(held(1, 1, 1)) && !Task::Read.suits(held(1, 0, 2))
+            !Task::Fusion.suits(held(2, 1, 1))
+                && !Task::CompareMasks.suits(held(1, 1, 1))
+                && !Task::Read.suits(held(1, 0, 2))
         );
     }
 

@@ -84,7 +84,8 @@ fn region(ui: &mut Ui, name: &str, found: &Statistics, unit: Unit) {
     let [mean, sd, min, max, peak] = [found.mean, found.sd, found.min, found.max, found.peak].map(number);
     let (max_name, peak_name) =
         if unit == Unit::SuvBw { ("SUVmax", "SUVpeak") } else { ("most", "peak in 1 ml") };
-    let glycolysis = if unit == Unit::SuvBw { format!(", TLG {} g", number(found.mean_times_ml)) } else { String::new() };
+    let glycolysis =
+        if unit == Unit::SuvBw { format!(", TLG {} g", number(found.mean_times_ml)) } else { String::new() };
     ui.horizontal_wrapped(|ui| {
         ui.label(format!(
             "{name}, {} voxels of {}: mean {mean}, SD {sd}, least {min}, {max_name} {max}, {peak_name} {peak}{glycolysis}",
@@ -201,7 +202,9 @@ fn values(ui: &mut Ui, stage: &mut Stage<'_>) {
                     let response = ui.strong(title);
                     let tip = match title {
                         "Most" if is_suv => "SUVmax",
-                        "Peak" if is_suv => "SUVpeak: the highest mean in a ball of 1 ml about a voxel of the mask",
+                        "Peak" if is_suv => {
+                            "SUVpeak: the highest mean in a ball of 1 ml about a voxel of the mask"
+                        }
                         "Peak" => "The highest mean in a ball of 1 ml about a voxel of the mask",
                         "TLG" => "Total lesion glycolysis: mean SUV times the volume, g",
                         _ => return,

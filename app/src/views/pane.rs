@@ -74,6 +74,13 @@ impl Input<'_> {
         self.case.grid.sides() == Sides::Known
     }
 
+    /// Whether the window of the image shown is that of another date's, matched by percentiles.
+    pub fn is_window_matched(&self) -> bool {
+        let (Some(other), Some((id, image))) = (self.matched_to, self.context) else { return false };
+        let is_ct = other.histogram().looks_like_ct() || image.histogram().looks_like_ct();
+        !is_ct && self.window().is_some_and(|window| window != self.doc.window_of(id, other))
+    }
+
     /// The window of the image shown.
     pub fn window(&self) -> Option<Window> {
         let (id, image) = self.context?;

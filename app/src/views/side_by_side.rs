@@ -233,7 +233,8 @@ fn heading(time_point: &TimePoint, time: usize, dates: usize) -> [String; 2] {
         2 => "prior",
         _ => "earlier",
     };
-    [word.to_owned(), time_point.label.clone()]
+    let without_mask = if time_point.masks.is_empty() { " · no mask" } else { "" };
+    [word.to_owned(), format!("{}{without_mask}", time_point.label)]
 }
 
 /// Both on one line.
@@ -308,18 +309,27 @@ impl Pane for SideBySidePane {
         let top = area.top() + heading_points;
         rows.truncate(most(area.bottom() - top));
         let shown = rows.iter().map(Vec::len).sum::<usize>();
-        let size =
-            vec2(width, (area.bottom() - top - GAP_POINTS * (rows.len().max(1) - 1) as f32) / rows.len().max(1) as f32);
+        let size = vec2(
+            width,
+            (area.bottom() - top - GAP_POINTS * (rows.len().max(1) - 1) as f32) / rows.len().max(1) as f32,
+        );
         for (x, parts) in top_row.iter().enumerate() {
             let left = area.left() + x as f32 * (size.x + GAP_POINTS);
             let above = Rect::from_min_size(pos2(left, area.top()), vec2(size.x, heading_points));
-            let lines =
-                if is_stacked { parts.iter().filter(|p| !p.is_empty()).cloned().collect() } else { vec![on_one_line(parts)] };
+            let lines = if is_stacked {
+                parts.iter().filter(|p| !p.is_empty()).cloned().collect()
+            } else {
+                vec![on_one_line(parts)]
+            };
             let step = heading_points / lines.len().max(1) as f32;
             for (n, line) in lines.iter().enumerate() {
                 let galley = draw::elided(ui, line, &font, ink, width - 2.0 * GAP_POINTS);
                 let middle = pos2(above.center().x, above.top() + (n as f32 + 0.5) * step);
-                ui.painter().galley(egui::Align2::CENTER_CENTER.anchor_size(middle, galley.size()).min, galley, ink);
+                ui.painter().galley(
+                    egui::Align2::CENTER_CENTER.anchor_size(middle, galley.size()).min,
+                    galley,
+                    ink,
+                );
             }
         }
         for (y, row) in rows.iter().enumerate() {

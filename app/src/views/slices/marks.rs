@@ -248,9 +248,10 @@ fn title(
     let rect = layout.rect;
     let free = rect.width() - 2.0 * MARGIN_POINTS - GAP_POINTS;
     let line = |text: String| painter.layout_no_wrap(text, theme::font(LABEL_POINTS), ON_IMAGE);
-    let window = input
-        .window()
-        .map(|window| line(format!("W {} L {}", three_digits(window.width()), three_digits(window.level()))));
+    let matched = if input.is_window_matched() { ", matched" } else { "" };
+    let window = input.window().map(|window| {
+        line(format!("W {} L {}{matched}", three_digits(window.width()), three_digits(window.level())))
+    });
     let date = input.time_point.label.as_str();
     let series = input.context.map_or("no image", |(id, _)| id);
     let dated = if date.is_empty() { series.to_owned() } else { format!("{series} · {date}") };

@@ -17,8 +17,8 @@ use glioscope_core::{Selection, Sides, TumorIndex};
 use glioscope_render::{
     MaskColors,
     flat::{
-        ContextLayer, MaskLayer, Mixing, Overlay, Plane, PreparedContext, SecondLayer, SliceLayers, SliceStyle,
-        SliceView, Window, place_label, readout, render_slice,
+        ContextLayer, MaskLayer, Mixing, Overlay, Plane, PreparedContext, SecondLayer, SliceLayers,
+        SliceStyle, SliceView, Window, place_label, readout, render_slice,
     },
 };
 

@@ -327,6 +327,12 @@ fn scale_bar(painter: &Painter, layout: &Layout, readout_height: f32) {
     let length = bar.px as f32 / layout.pixels_per_point;
     let right = rect.right_bottom() + vec2(-MARGIN_POINTS - 1.0, -readout_height - 6.0);
     let left = right - vec2(length, 0.0);
+    let text = format!("{} mm", format::plain(bar.mm));
+    let text = painter.layout_no_wrap(text, theme::font(LABEL_POINTS), ON_IMAGE);
+    // No room below the letter at the right edge.
+    if right.y - 4.0 - text.size().y < rect.center().y + HEADING_POINTS {
+        return;
+    }
     for stroke in [Stroke::new(4.0, EDGE), Stroke::new(2.0, ON_IMAGE)] {
         let overhang = vec2((stroke.width - 2.0) / 2.0, 0.0);
         painter.line_segment([left - overhang, right + overhang], stroke);
@@ -335,8 +341,6 @@ fn scale_bar(painter: &Painter, layout: &Layout, readout_height: f32) {
             painter.line_segment([end - half_tick, end + half_tick], stroke);
         }
     }
-    let text = format!("{} mm", format::plain(bar.mm));
-    let text = painter.layout_no_wrap(text, theme::font(LABEL_POINTS), ON_IMAGE);
     // Above the middle of the bar, but within the slice where the bar is shorter than its text.
     let beyond = ((text.size().x - length) / 2.0).max(0.0);
     let middle = right - vec2(length / 2.0 + beyond, 4.0);

@@ -57,8 +57,11 @@ pub fn show(ui: &Ui, rect: Rect, rows: &[Row]) {
     };
     let mut all: Vec<_> = rows.iter().map(laid_out).collect();
     let room = (rect.height() - BELOW).max(ROW);
-    let heights = all.iter().map(|(.., galley)| galley.size().y.max(ROW));
-    let fits = rows_that_fit(heights, room);
+    if all.iter().map(|(.., galley)| galley.size().y.max(ROW)).sum::<f32>() > room {
+        // Rather names are left out than what is said of the picture.
+        all.sort_by_key(|(mark, ..)| matches!(mark, Mark::Color(_) | Mark::Hatched));
+    }
+    let fits = rows_that_fit(all.iter().map(|(.., galley)| galley.size().y.max(ROW)), room);
     if fits < rows.len() {
         all.truncate(fits);
         all.push(laid_out(&(Mark::None, format!("and {} more", rows.len() - fits))));

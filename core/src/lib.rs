@@ -83,7 +83,7 @@ pub use progress::{Cancelled, Progress};
 pub use regions::{Region, RegionVolume, Regions, Selection};
 pub use tracts::{ScalarPer, TractScalar, Tracts};
 pub use tumor_index::{IndexData, TumorIndex};
-pub use volume::{Samples, Scaling, Volume};
+pub use volume::{Samples, Scaling, Unit, Volume};
 
 // The versions whose types the functions here take and return.
 pub use glam;

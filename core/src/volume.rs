@@ -108,18 +108,50 @@ impl Scaling {
     }
 }
 
+/// What the values of an image are measured in, as its file states it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Unit {
+    /// The file doesn't say, or they have none: MR.
+    #[default]
+    Unknown,
+    /// Standardised uptake value by body weight, g/ml.
+    SuvBw,
+}
+
+impl Unit {
+    /// Its sign; empty where it isn't known.
+    pub fn sign(self) -> &'static str {
+        match self {
+            Self::Unknown => "",
+            Self::SuvBw => "SUVbw",
+        }
+    }
+}
+
 /// Values of one image on its native grid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Volume {
     grid: Grid,
     samples: Samples,
     scaling: Scaling,
+    unit: Unit,
 }
 
 impl Volume {
     /// `samples` on `grid`; `None` when their number isn't the grid's voxel count.
     pub fn new(grid: Grid, samples: Samples, scaling: Scaling) -> Option<Self> {
-        (samples.len() == grid.voxel_count()).then_some(Self { grid, samples, scaling })
+        (samples.len() == grid.voxel_count()).then_some(Self { grid, samples, scaling, unit: Unit::Unknown })
+    }
+
+    /// The same values, measured in `unit`.
+    #[must_use]
+    pub fn in_unit(self, unit: Unit) -> Self {
+        Self { unit, ..self }
+    }
+
+    /// What its values are measured in.
+    pub fn unit(&self) -> Unit {
+        self.unit
     }
 
     /// The same voxels at another place: on `grid`, which must have as many.

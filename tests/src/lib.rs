@@ -57,7 +57,7 @@ fn software_setup_with(max_buffer_bytes: Option<u64>) -> WgpuSetup {
 /// The arrangement for cases of one time point, with the change view and the dates as hidden tabs behind the closeup and
 /// the context view: so tests find every view at the same place in every case.
 pub fn every_view() -> egui_tiles::Tree<PaneId> {
-    let mut tree = layout::default_layout(1, 3);
+    let mut tree = layout::default_layout(layout::Held { dates: 1, images: 1, has_pet: false, masks: 3 });
     for (hidden, shown) in [(PaneId::Change, PaneId::Closeup), (PaneId::Dates, PaneId::Context)] {
         layout::toggle(&mut tree, hidden);
         tree.make_active(|_, tile| matches!(tile, egui_tiles::Tile::Pane(pane) if *pane == shown));
@@ -150,6 +150,20 @@ pub fn window_on_small_device(case: CaseRef, size: [f32; 2], max_buffer_bytes: u
     harness(workstation(case), size, egui::Theme::Light, setup, GlioscopeApp::refined)
 }
 
+/// As [`window_on`], `size` points at `pixels_per_point`, arranged as it opens.
+///
+/// # Panics
+/// When there is no software adapter.
+pub fn window_as_opened(case: CaseRef, size: [f32; 2], theme: egui::Theme, pixels_per_point: f32) -> Window {
+    let mut work = workstation(case);
+    if let (Some(doc), Some(case)) = (&mut work.doc, work.world.case()) {
+        doc.edit.layout = layout::opening(layout::Held::of(case));
+    }
+    let setup = (software_setup(), Recent::default());
+    let builder = HarnessBuilder::default().with_pixels_per_point(pixels_per_point);
+    harness_painted_by((work, builder), size, theme, setup, |_, _, _| None, GlioscopeApp::refined)
+}
+
 /// As [`window_on`], painted on the CPU as in the program's window on a software adapter.
 ///
 /// # Panics
@@ -157,7 +171,8 @@ pub fn window_on_small_device(case: CaseRef, size: [f32; 2], max_buffer_bytes: u
 pub fn window_painted_on_cpu(case: CaseRef, size: [f32; 2], theme: egui::Theme) -> Window {
     let setup = (software_setup(), Recent::default());
     let paint = |ctx: &_, gpu: &_, format| Some(cpu_paint::install(ctx, gpu, format));
-    harness_painted_by(workstation(case), size, theme, setup, paint, GlioscopeApp::refined)
+    let of = (workstation(case), HarnessBuilder::default());
+    harness_painted_by(of, size, theme, setup, paint, GlioscopeApp::refined)
 }
 
 fn harness(
@@ -167,32 +182,27 @@ fn harness(
     setup: (WgpuSetup, Recent),
     finish: impl FnOnce(GlioscopeApp) -> GlioscopeApp,
 ) -> Window {
-    harness_painted_by(work, size, theme, setup, |_, _, _| None, finish)
+    harness_painted_by((work, HarnessBuilder::default()), size, theme, setup, |_, _, _| None, finish)
 }
 
 fn harness_painted_by(
-    work: Workstation,
+    (work, builder): (Workstation, HarnessBuilder<GlioscopeApp>),
     size: [f32; 2],
     theme: egui::Theme,
     (setup, recent): (WgpuSetup, Recent),
     paint: impl FnOnce(&egui::Context, &Gpu, egui_wgpu::wgpu::TextureFormat) -> Option<ViewPictures>,
     finish: impl FnOnce(GlioscopeApp) -> GlioscopeApp,
 ) -> Window {
-    HarnessBuilder::default()
-        .with_size(size)
-        .with_theme(theme)
-        .with_max_steps(60)
-        .wgpu_setup(setup)
-        .build_eframe(move |cc| {
-            let Some(state) = cc.wgpu_render_state.as_ref() else { fail("no software adapter") };
-            let gpu = Gpu::from_parts(state.adapter.clone(), state.device.clone(), state.queue.clone());
-            let pictures = paint(&cc.egui_ctx, &gpu, state.target_format);
-            let graphics = Graphics { gpu, egui_renderer: state.renderer.clone(), pictures };
-            match GlioscopeApp::new(work, Some(graphics), recent) {
-                Ok(app) => finish(app),
-                Err(error) => fail(&error.to_string()),
-            }
-        })
+    builder.with_size(size).with_theme(theme).with_max_steps(60).wgpu_setup(setup).build_eframe(move |cc| {
+        let Some(state) = cc.wgpu_render_state.as_ref() else { fail("no software adapter") };
+        let gpu = Gpu::from_parts(state.adapter.clone(), state.device.clone(), state.queue.clone());
+        let pictures = paint(&cc.egui_ctx, &gpu, state.target_format);
+        let graphics = Graphics { gpu, egui_renderer: state.renderer.clone(), pictures };
+        match GlioscopeApp::new(work, Some(graphics), recent) {
+            Ok(app) => finish(app),
+            Err(error) => fail(&error.to_string()),
+        }
+    })
 }
 
 /// The software adapter, for renderers without a window.

@@ -5,12 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use egui::{Key, Modifiers};
 use egui_tiles::Tree;
 use glam::DVec3;
-use glioscope_core::{
-    Regions, Selection,
-    case::{Alignment, TimePoint},
-    lesions,
-    optics::Camera,
-};
+use glioscope_core::{Regions, Selection, case::Alignment, lesions, optics::Camera};
 use glioscope_render::{
     ClipPlane, Coloring, Lamp, Lens, LightingMode, Palette, Preset, TransferFunction,
     flat::{Overlay, Window},
@@ -23,10 +18,10 @@ use crate::{
     model::{
         AgreementSetting, ChangeSetting, Document, EllipsoidLook, EllipsoidOpacity, FiberLook, Fusion,
         HiddenRegions, KeyPicture, LesionSetting, OverlapMode, PaneId, Reading, ResponseSetting, Ruler,
-        SecondImage, Shading, TakeHome,
+        Shading, TakeHome,
         document::{default_lens, tumor_radius_mm},
-        fusion::is_pet,
-        layout::{self, Task},
+        fusion::{is_pet, second_of},
+        layout::{self, Held, Task},
         lesions::MOST_LESION_EDITS,
         made::{MOST_MADE, MadeMask},
         masks::MaskLook,
@@ -122,13 +117,6 @@ pub enum EditCommand {
 }
 
 const CTRL: Modifiers = Modifiers::COMMAND;
-
-/// The image that goes over `first` at a date: PET where there is one, by its name, else another one.
-fn second_of(time_point: &TimePoint, first: Option<&str>) -> Option<SecondImage> {
-    let others = || time_point.contexts.iter().map(|c| &c.id).filter(|id| Some(id.as_str()) != first);
-    let id = others().find(|id| is_pet(id)).or_else(|| others().next())?.clone();
-    Some(SecondImage { id, time: None })
-}
 
 /// What edits of lesions do, for undo.
 fn lesion_edit_text(edits: &[lesions::Edit]) -> &'static str {
@@ -546,12 +534,12 @@ impl EditCommand {
                 edit.maximized = None;
             }
             Self::ResetLayout => {
-                edit.layout = layout::default_layout(world.time_point_count(), regions.mask_ids().len());
+                edit.layout = layout::opening(Held::at(time_point, world.time_point_count()));
                 edit.maximized = None;
             }
             Self::SetAlignments(alignments) => edit.alignments.clone_from(alignments),
             Self::SetTask(task) => {
-                edit.layout = task.layout(world.time_point_count(), regions.mask_ids().len());
+                edit.layout = task.layout(Held::at(time_point, world.time_point_count()));
                 edit.maximized = None;
                 let has_pet = edit.fusion.second.as_ref().is_some_and(|second| is_pet(&second.id));
                 if *task == Task::Fusion && !has_pet {

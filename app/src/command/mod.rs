@@ -12,6 +12,8 @@ use std::{borrow::Cow, sync::LazyLock};
 use egui::{Key, KeyboardShortcut, ModifierNames, Modifiers};
 use strum::IntoEnumIterator;
 
+use crate::model::layout::Held;
+
 pub use app::AppCommand;
 pub use edit::EditCommand;
 pub use look::LookCommand;
@@ -177,14 +179,9 @@ impl Command {
             Self::App(command) => command.enabled(work),
             Self::Edit(EditCommand::Undo) => work.history.can_undo(),
             Self::Edit(EditCommand::Redo) => work.history.can_redo(),
-            Self::Edit(EditCommand::SetTask(task)) => work.world.case().is_some_and(|case| {
-                let most = |count: &dyn Fn(&glioscope_core::case::TimePoint) -> usize| {
-                    case.time_points.iter().map(count).max()
-                };
-                let images = most(&|time| time.contexts.len()).unwrap_or_default();
-                let masks = most(&|time| time.masks.len()).unwrap_or_default();
-                task.suits(case.time_points.len(), images, masks)
-            }),
+            Self::Edit(EditCommand::SetTask(task)) => {
+                work.world.case().is_some_and(|case| task.suits(Held::of(case)))
+            }
             Self::Edit(_) | Self::Look(_) => work.doc.is_some(),
         }
     }

@@ -131,6 +131,41 @@ fn textures_and_colours_are_interpolated_linearly() {
     }
 }
 
+/// A picture at its own size is that picture, whether it is interpolated or not; translucent texels are blended, and where the
+/// triangles reach beyond it, its edge goes on.
+#[test]
+fn a_picture_at_its_own_size_is_copied() {
+    let size = [60, 40];
+    let texel = |x: usize, y: usize| {
+        let [red, green, alpha] = [x * 4, y * 6, if x < 30 { 255 } else { 120 }].map(|v| v as u8);
+        Color32::from_rgba_premultiplied(red.min(alpha), green.min(alpha), 0, alpha)
+    };
+    let pixels = (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| texel(x, y))).collect();
+    let image = ColorImage::new(size, pixels);
+    for options in [TextureOptions::LINEAR, TextureOptions::NEAREST] {
+        let mut textures = textures();
+        let picture = Texture::changed(None, &ImageDelta::full(image.clone(), options)).unwrap();
+        textures.insert(TextureId::Managed(1), picture);
+        // From 10 texels before its left edge to 10 behind its right one.
+        let (low, high) = (-10.0 / 60.0, 70.0 / 60.0);
+        let corners = [
+            ([100.0, 50.0], [low, 0.0], Color32::WHITE),
+            ([180.0, 50.0], [high, 0.0], Color32::WHITE),
+            ([180.0, 90.0], [high, 1.0], Color32::WHITE),
+            ([100.0, 90.0], [low, 1.0], Color32::WHITE),
+        ];
+        let mut canvas = Canvas::default();
+        canvas.paint(SIZE, &[mesh(1, &corners, &[0, 1, 2, 0, 2, 3])], 1.0, &textures);
+        for y in 0..40 {
+            for x in 0..80_usize {
+                let [red, green, blue, _] = texel(x.saturating_sub(10).min(59), y).to_array();
+                // Over black.
+                assert_eq!(pixel(&canvas, 100 + x, 50 + y), [red, green, blue, 255], "{options:?} {x} {y}");
+            }
+        }
+    }
+}
+
 #[test]
 fn only_what_changed_is_painted() {
     let mut canvas = Canvas::default();

@@ -34,28 +34,21 @@ impl Texture {
     pub fn changed(before: Option<Self>, delta: &ImageDelta) -> Option<Self> {
         let ImageData::Color(image) = &delta.image;
         let [width, height] = image.size;
-        let pixels = || image.pixels.iter().map(|color| color.to_array());
+        let pixels = image.as_raw().as_chunks::<4>().0;
         let version = before.as_ref().map_or(0, |texture| texture.version + 1);
         let TextureOptions { magnification, wrap_mode, .. } = delta.options;
         let (linear, wrap) = (magnification == TextureFilter::Linear, wrap_mode);
         let Some([left, top]) = delta.pos else {
             let whole = width > 0 && height > 0 && image.pixels.len() == width * height;
-            return whole.then(|| Self {
-                size: image.size,
-                pixels: pixels().collect(),
-                linear,
-                wrap,
-                version,
-            });
+            return whole.then(|| Self { size: image.size, pixels: pixels.to_vec(), linear, wrap, version });
         };
         let mut texture = before?;
         if left + width > texture.size[0] || top + height > texture.size[1] || width == 0 {
             return None;
         }
         let rows = texture.pixels.chunks_exact_mut(texture.size[0]).skip(top);
-        let mut new = pixels();
-        for row in rows.take(height) {
-            row[left..left + width].iter_mut().zip(&mut new).for_each(|(old, new)| *old = new);
+        for (row, new) in rows.zip(pixels.chunks_exact(width)).take(height) {
+            row[left..left + width].copy_from_slice(new);
         }
         Some(Self { linear, wrap, version, ..texture })
     }
@@ -86,6 +79,13 @@ impl Texture {
     /// The texel at a column and row.
     pub fn texel(&self, x: i32, y: i32) -> Pixel {
         self.pixels[self.wrapped(y, 1) * self.size[0] + self.wrapped(x, 0)]
+    }
+
+    /// So many texels of a row from a column and row on; `None` where they reach beyond the texture.
+    pub fn row(&self, [x, y]: [i32; 2], count: usize) -> Option<&[Pixel]> {
+        let (x, y) = (usize::try_from(x).ok()?, usize::try_from(y).ok()?);
+        let end = x.checked_add(count).filter(|end| *end <= self.size[0])?;
+        self.pixels.get(y * self.size[0] + x..y * self.size[0] + end)
     }
 
     /// The texture at a position in texels: texel (0, 0) reaches from 0 to 1.

@@ -160,6 +160,12 @@ pub fn fill(rows: &mut Rows<'_>, area: PixelRect, mut corners: [Corner; 3], text
 /// How the pixels of a triangle get their colours.
 enum Shade<'a> {
     Flat(Pixel),
+    /// The texels at a distance of whole pixels, as they are; `texel`: where a span reaches beyond the texture.
+    Copied {
+        texture: &'a Texture,
+        shift: [i32; 2],
+        texel: [Linear; 2],
+    },
     /// Texels as they are where `as_is`, else sampled at a linear position; times a colour.
     Textured {
         texture: &'a Texture,
@@ -202,7 +208,13 @@ impl<'a> Shade<'a> {
             }
             (false, true) => {
                 let texel = texel();
-                let as_is = !texture.is_linear() || is_one_to_one(texel);
+                let is_one_to_one = is_one_to_one(texel);
+                if is_one_to_one && first.color == [255; 4] {
+                    // Of pixel (0, 0), whose centre lies on that of a texel.
+                    let shift = texel.map(|axis| axis.0[0].floor() as i32);
+                    return Self::Copied { texture, shift, texel };
+                }
+                let as_is = !texture.is_linear() || is_one_to_one;
                 Self::Textured { texture, texel, as_is, color: first.color }
             }
             (false, false) => Self::Both { texture, texel: texel(), color: color() },
@@ -216,6 +228,16 @@ impl<'a> Shade<'a> {
         match self {
             Self::Flat(color @ [.., 255]) => span.fill(*color),
             Self::Flat(color) => span.iter_mut().for_each(|pixel| blend(pixel, *color)),
+            Self::Copied { texture, shift, texel } => {
+                match texture.row([first.saturating_add(shift[0]), y.saturating_add(shift[1])], span.len()) {
+                    Some(texels) => {
+                        span.iter_mut().zip(texels).for_each(|(pixel, &above)| blend(pixel, above))
+                    }
+                    // Beyond the texture's edge, where it repeats or its edge goes on.
+                    None => Self::Textured { texture, texel: *texel, as_is: true, color: [255; 4] }
+                        .span(span, first, y),
+                }
+            }
             Self::Gradient { color, texel } => {
                 columns.for_each(|(pixel, x)| blend(pixel, multiply(mixed(color, x), *texel)));
             }

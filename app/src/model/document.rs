@@ -26,9 +26,9 @@ use super::{
     change::ChangeSetting,
     ellipsoids::{EllipsoidLook, EllipsoidOpacity},
     fibers::FiberLook,
-    fusion::Fusion,
+    fusion::{Fusion, second_of},
     hidden::HiddenRegions,
-    layout,
+    layout::{self, Held, Task},
     lesions::LesionSetting,
     light::LightChoice,
     made::MadeMask,
@@ -385,6 +385,7 @@ impl Document {
             Camera::orientation(30.0, 20.0),
             Projection::Perspective,
         );
+        let held = Held::at(time_point, time_point_count);
         Self {
             case,
             tracts: Vec::new(),
@@ -422,7 +423,7 @@ impl Document {
                 reading: Reading::default(),
                 take_home: TakeHome::default(),
                 pictures: Vec::new(),
-                layout: layout::default_layout(time_point_count, time_point.regions.mask_ids().len()),
+                layout: layout::opening(held),
                 maximized: None,
             },
             nav: Navigation {
@@ -441,6 +442,14 @@ impl Document {
                 ruler_on: false,
                 tool: Tool::Line,
             },
+        }
+    }
+
+    /// Shows PET over the first image where the case opens with the panes for that.
+    pub fn fuse_at_opening(&mut self, time_point: &TimePoint, time_point_count: usize) {
+        if layout::opening_task(Held::at(time_point, time_point_count)) == Some(Task::Fusion) {
+            let second = second_of(time_point, self.nav.context.as_deref());
+            self.edit.fusion = self.edit.fusion.showing(second, false);
         }
     }
 

@@ -1,5 +1,6 @@
 //! A second image on the slices.
 
+use glioscope_core::{Unit, case::TimePoint};
 use glioscope_render::{
     ColorMap,
     flat::{Mixing, Window},
@@ -56,9 +57,21 @@ pub fn image_name(id: &str, time: &str) -> String {
     if time.is_empty() { id.to_owned() } else { format!("{id} \u{b7} {time}") }
 }
 
+/// What an image is called in a legend of its values: with their unit, where that is known.
+pub fn name_with_unit(name: &str, unit: Unit) -> String {
+    if unit == Unit::Unknown { name.to_owned() } else { format!("{name} ({})", unit.sign()) }
+}
+
 /// Whether an image is PET, by its id.
 pub fn is_pet(id: &str) -> bool {
     id.to_lowercase().split(|c: char| !c.is_alphanumeric()).any(|word| word == "pet" || word == "pt")
+}
+
+/// The image that goes over `first` at a date: PET where there is one, by its name, else another one.
+pub fn second_of(time_point: &TimePoint, first: Option<&str>) -> Option<SecondImage> {
+    let others = || time_point.contexts.iter().map(|c| &c.id).filter(|id| Some(id.as_str()) != first);
+    let id = others().find(|id| is_pet(id)).or_else(|| others().next())?.clone();
+    Some(SecondImage { id, time: None })
 }
 
 /// Share of the window below which an image in colours is transparent, so that the anatomy shows where nothing is taken up.

@@ -1,32 +1,94 @@
 //! The layout of panes; the default follows the thesis's Fig. 7.1.
 
-use super::pane::PaneId;
+use super::{fusion::is_pet, pane::PaneId};
 use egui_tiles::{Container, Linear, LinearDir, Tile, TileId, Tiles, Tree};
+use glioscope_core::case::{Case, TimePoint};
 use strum::VariantArray;
+
+/// What a case holds, by which its panes are chosen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Held {
+    /// Number of dates.
+    pub dates: usize,
+    /// Most images of a date.
+    pub images: usize,
+    /// Whether one of them but the first is PET, by its name.
+    pub has_pet: bool,
+    /// Most masks of a date.
+    pub masks: usize,
+}
+
+impl Held {
+    /// What so many dates hold, of which this is one.
+    pub fn at(time_point: &TimePoint, dates: usize) -> Self {
+        Self {
+            dates,
+            images: time_point.contexts.len(),
+            has_pet: time_point.contexts.iter().skip(1).any(|context| is_pet(&context.id)),
+            masks: time_point.masks.len(),
+        }
+    }
+
+    /// What a case holds.
+    pub fn of(case: &Case) -> Self {
+        let all = || case.time_points.iter().map(|time| Self::at(time, case.time_points.len()));
+        Self {
+            dates: case.time_points.len(),
+            images: all().map(|held| held.images).max().unwrap_or_default(),
+            has_pet: all().any(|held| held.has_pet),
+            masks: all().map(|held| held.masks).max().unwrap_or_default(),
+        }
+    }
+}
+
+/// The panes that a case opens with: of one date with PET and another image, and at most one mask, *PET and MR*; without a mask *Read*; else
+/// [`default_layout`].
+pub fn opening(held: Held) -> Tree<PaneId> {
+    opening_task(held).map_or_else(|| default_layout(held), |task| task.layout(held))
+}
+
+/// The task that a case is opened for; `None`: the default.
+pub fn opening_task(held: Held) -> Option<Task> {
+    match held {
+        Held { dates: 2.., .. } => None,
+        Held { images: 1.., masks: 0, .. } => Some(Task::Read),
+        Held { images: 2.., has_pet: true, masks: 1, .. } => Some(Task::Fusion),
+        _ => None,
+    }
+}
 
 /// Panes by what the case holds. Right: the three slices. With one time point, left the closeup above the context view,
 /// in the middle the ellipsoid diagram above the overlap diagram. With several, the change view takes the closeup's
 /// place, the closeup that of the ellipsoid diagram, and ellipsoid diagram, dates, lesions and response are tabs behind closeup
-/// and context view. The lens and measurements panes are tabs behind the overlap diagram, which is low where one mask leaves
-/// it only its size.
-pub fn default_layout(time_point_count: usize, mask_count: usize) -> Tree<PaneId> {
+/// and context view. Without an image there is no context view. The lens and measurements panes are tabs behind the overlap
+/// diagram, which is low where one mask leaves it only its size.
+pub fn default_layout(held: Held) -> Tree<PaneId> {
     let mut tiles = Tiles::default();
-    let views = [PaneId::Closeup, PaneId::Context, PaneId::Ellipsoids];
-    let [closeup, context, ellipsoids] = views.map(|pane| tiles.insert_pane(pane));
-    let (first, context, second) = if time_point_count < 2 {
-        (closeup, context, ellipsoids)
+    let views = [PaneId::Closeup, PaneId::Ellipsoids];
+    let [closeup, ellipsoids] = views.map(|pane| tiles.insert_pane(pane));
+    let mut below: Vec<TileId> =
+        (held.images > 0).then(|| tiles.insert_pane(PaneId::Context)).into_iter().collect();
+    let (first, second) = if held.dates < 2 {
+        (closeup, ellipsoids)
     } else {
         let more = [PaneId::Change, PaneId::Dates, PaneId::Lesions, PaneId::Response];
         let [change, dates, lesions, response] = more.map(|pane| tiles.insert_pane(pane));
-        let context = tiles.insert_tab_tile(vec![context, dates, lesions, response]);
-        (change, context, tiles.insert_tab_tile(vec![closeup, ellipsoids]))
+        below.extend([dates, lesions, response]);
+        (change, tiles.insert_tab_tile(vec![closeup, ellipsoids]))
+    };
+    let below = match below[..] {
+        [] => None,
+        [only] => Some(only),
+        _ => Some(tiles.insert_tab_tile(below)),
     };
     let numbers = [PaneId::Overlap, PaneId::Lens, PaneId::Measurements].map(|pane| tiles.insert_pane(pane));
     let overlap = tiles.insert_tab_tile(numbers.to_vec());
-    let overlap_share = if mask_count < 2 { 0.4 } else { 1.55 };
+    let overlap_share = if held.masks < 2 { 0.4 } else { 1.55 };
     let slices = [PaneId::Axial, PaneId::Coronal, PaneId::Sagittal].map(|pane| tiles.insert_pane(pane));
     let right = linear(&mut tiles, LinearDir::Vertical, &slices.map(|s| (s, 1.0)));
-    let left = linear(&mut tiles, LinearDir::Vertical, &[(first, 1.25), (context, 1.0)]);
+    let left: Vec<(TileId, f32)> =
+        std::iter::once((first, 1.25)).chain(below.map(|below| (below, 1.0))).collect();
+    let left = linear(&mut tiles, LinearDir::Vertical, &left);
     let middle = linear(&mut tiles, LinearDir::Vertical, &[(second, 1.0), (overlap, overlap_share)]);
     let root = linear(&mut tiles, LinearDir::Horizontal, &[(left, 1.25), (middle, 1.0), (right, 0.85)]);
     Tree::new(egui::Id::unique("layout"), root, tiles)
@@ -74,8 +136,9 @@ impl Task {
         }
     }
 
-    /// Whether a case with so many dates, images of a date and masks has anything to show in it.
-    pub fn suits(self, dates: usize, images: usize, masks: usize) -> bool {
+    /// Whether a case has anything to show in it.
+    pub fn suits(self, held: Held) -> bool {
+        let Held { dates, images, masks, .. } = held;
         match self {
             Self::CompareMasks => masks > 1,
             Self::FollowUp | Self::Response => dates > 1,
@@ -86,7 +149,7 @@ impl Task {
     }
 
     /// Its panes.
-    pub fn layout(self, dates: usize, masks: usize) -> Tree<PaneId> {
+    pub fn layout(self, held: Held) -> Tree<PaneId> {
         use PaneId as P;
         let mut tiles = Tiles::default();
         let mut pane = |pane| tiles.insert_pane(pane);
@@ -95,7 +158,7 @@ impl Task {
         let columns =
             |tiles: &mut Tiles<PaneId>, all: &[(TileId, f32)]| linear(tiles, LinearDir::Horizontal, all);
         let root = match self {
-            Self::CompareMasks => return default_layout(1, masks),
+            Self::CompareMasks => return default_layout(Held { dates: 1, ..held }),
             Self::FollowUp => {
                 let [change, side] = [P::Change, P::SideBySide].map(|pane| tiles.insert_pane(pane));
                 let numbers =
@@ -121,9 +184,10 @@ impl Task {
                 columns(&mut tiles, &[(axial, 1.6), (middle, 0.9), (right, 1.0)])
             }
             Self::Explain => {
-                let [ellipsoids, closeup, context] =
-                    [P::Ellipsoids, P::Closeup, P::Context].map(|pane| tiles.insert_pane(pane));
-                let right = rows(&mut tiles, &[(context, 1.0), (axial, 1.0)]);
+                let [ellipsoids, closeup] = [P::Ellipsoids, P::Closeup].map(|pane| tiles.insert_pane(pane));
+                let context = (held.images > 0).then(|| (tiles.insert_pane(P::Context), 1.0));
+                let right: Vec<_> = context.into_iter().chain([(axial, 1.0)]).collect();
+                let right = rows(&mut tiles, &right);
                 let left = rows(&mut tiles, &[(ellipsoids, 1.0), (closeup, 1.0)]);
                 let _ = [coronal, sagittal].map(|tile| tiles.remove(tile));
                 columns(&mut tiles, &[(left, 1.4), (right, 1.0)])
@@ -131,7 +195,7 @@ impl Task {
             Self::Read => {
                 let slices = [(axial, 1.0), (coronal, 1.0), (sagittal, 1.0)];
                 let all = columns(&mut tiles, &slices);
-                if dates < 2 {
+                if held.dates < 2 {
                     all
                 } else {
                     let side = tiles.insert_pane(P::SideBySide);
@@ -260,9 +324,34 @@ fn wrap_in_tabs(layout: &mut Tree<PaneId>, neighbour: TileId, tile: TileId) {
 mod tests {
     use super::*;
 
+    fn held(dates: usize, images: usize, masks: usize) -> Held {
+        Held { dates, images, has_pet: false, masks }
+    }
+
+    #[test]
+    fn a_case_opens_with_what_it_holds() {
+        use PaneId as P;
+        let shows = |held, pane| contains(&opening(held), pane);
+        // Without an image no context view, in no layout.
+        for dates in [1, 3] {
+            for masks in [1, 3] {
+                assert!(!shows(held(dates, 0, masks), P::Context));
+                assert!(shows(held(dates, 1, masks), P::Context));
+                let explain = |images| Task::Explain.layout(held(dates, images, masks));
+                assert!(!contains(&explain(0), P::Context) && contains(&explain(1), P::Context));
+            }
+        }
+        let pet = |dates, masks| Held { has_pet: true, ..held(dates, 2, masks) };
+        assert_eq!(opening_task(pet(1, 1)), Some(Task::Fusion));
+        assert_eq!(opening_task(Held { images: 1, ..pet(1, 1) }), None, "nothing lies under it");
+        assert_eq!([opening_task(pet(2, 1)), opening_task(pet(1, 3))], [None; 2]);
+        assert_eq!(opening_task(held(1, 1, 0)), Some(Task::Read));
+        assert!(shows(held(2, 1, 1), P::Change) && !shows(held(1, 1, 1), P::Change));
+    }
+
     #[test]
     fn default_layout_has_the_main_views_and_toggling_twice_restores_it() {
-        let mut layout = default_layout(1, 3);
+        let mut layout = default_layout(held(1, 1, 3));
         for pane in [PaneId::Closeup, PaneId::Context, PaneId::Ellipsoids, PaneId::Overlap, PaneId::Coronal] {
             assert!(contains(&layout, pane));
         }
@@ -283,7 +372,7 @@ mod tests {
 
     #[test]
     fn a_pane_opens_in_front_of_one_of_its_kind_and_squeezes_none() {
-        let mut layout = default_layout(1, 3);
+        let mut layout = default_layout(held(1, 1, 3));
         toggle(&mut layout, PaneId::Transfer);
         let numbers = [PaneId::Overlap, PaneId::Lens, PaneId::Measurements, PaneId::Transfer];
         assert_eq!(siblings(&layout, PaneId::Transfer), numbers);
@@ -328,7 +417,7 @@ mod tests {
         let others = [[0, 1], [0, 2], [1, 0], [1, 2], [2, 0], [2, 1]].map(|pair| pair.map(|i| SLICES[i]));
         for closed in SLICES.map(|one| vec![one]).into_iter().chain(others.map(Vec::from)) {
             for backwards in [false, true] {
-                let mut layout = default_layout(1, 3);
+                let mut layout = default_layout(held(1, 1, 3));
                 simplified(&mut layout);
                 for pane in &closed {
                     toggle(&mut layout, *pane);
@@ -361,7 +450,7 @@ mod tests {
             (Task::Read, 1, vec![P::Axial, P::Coronal, P::Sagittal]),
             (Task::Read, 3, vec![P::SideBySide, P::Axial]),
         ] {
-            let mut layout = task.layout(dates, 3);
+            let mut layout = task.layout(held(dates, 2, 3));
             simplified(&mut layout);
             let active = layout.active_tiles();
             for pane in front {
@@ -372,20 +461,22 @@ mod tests {
             let reached = active.iter().filter(|id| layout.tiles.get_pane(id).is_some()).count();
             assert!(panes >= reached && panes <= reached + 3, "{task:?}: {panes} {reached}");
         }
-        assert!(!Task::FollowUp.suits(1, 3, 3) && Task::FollowUp.suits(2, 1, 1));
+        assert!(!Task::FollowUp.suits(held(1, 3, 3)) && Task::FollowUp.suits(held(2, 1, 1)));
         assert!(
-            !Task::Fusion.suits(2, 1, 1) && !Task::CompareMasks.suits(1, 1, 1) && !Task::Read.suits(1, 0, 2)
+            !Task::Fusion.suits(held(2, 1, 1))
+                && !Task::CompareMasks.suits(held(1, 1, 1))
+                && !Task::Read.suits(held(1, 0, 2))
         );
     }
 
     #[test]
     fn change_is_in_front_where_there_are_dates() {
-        let layout = default_layout(2, 3);
+        let layout = default_layout(held(2, 1, 3));
         let front = layout.active_tiles();
         let in_front = |pane| front.contains(&layout.tiles.find_pane(&pane).unwrap());
         for pane in [PaneId::Change, PaneId::Closeup, PaneId::Context, PaneId::Overlap, PaneId::Axial] {
             assert!(in_front(pane), "{pane:?}");
         }
-        assert!(!contains(&default_layout(1, 3), PaneId::Change));
+        assert!(!contains(&default_layout(held(1, 1, 3)), PaneId::Change));
     }
 }

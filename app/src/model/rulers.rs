@@ -132,7 +132,7 @@ pub fn as_csv(case: &Case, rulers: &[Ruler]) -> Vec<u8> {
     let ends = ["from", "to"].into_iter().flat_map(|end| axes.map(|axis| format!("{end}_{axis}_mm")));
     let head = ["name", "time", "view", "length_mm"].map(str::to_owned);
     let beside = ["kind", "across_mm", "product_mm2", "angle_degrees", "area_mm2"].map(str::to_owned);
-    let of_image = ["image", "voxels", "mean", "sd", "min", "max"].into_iter();
+    let of_image = ["image", "voxels", "mean", "sd", "min", "max", "peak", "mean_times_ml"].into_iter();
     let of_image = of_image.chain(["histogram_first", "histogram_bin", "histogram"]).map(str::to_owned);
     let mut table = csv::Table::new(head.into_iter().chain(ends).chain(beside).chain(of_image.clone()));
     for ruler in rulers {
@@ -164,13 +164,14 @@ pub fn as_csv(case: &Case, rulers: &[Ruler]) -> Vec<u8> {
 /// The cells of values: of the histogram the counts, separated by spaces.
 fn value_cells(found: &Statistics) -> impl Iterator<Item = String> {
     let number = |value: Option<f64>| value.map(|value| value.to_string()).unwrap_or_default();
-    let Statistics { mean, sd, min, max, histogram, .. } = found;
+    let Statistics { mean, sd, min, max, peak, mean_times_ml, histogram, .. } = found;
     let bins = histogram.as_ref();
     let counts = bins.map(|bins| bins.counts.iter().map(u64::to_string).collect::<Vec<_>>().join(" "));
-    let [mean, sd, min, max] = [*mean, *sd, *min, *max].map(number);
+    let numbers = [*mean, *sd, *min, *max, *peak, *mean_times_ml].map(number);
     let [first, bin] = [bins.map(|bins| bins.first), bins.map(|bins| bins.bin)].map(number);
     let counts = counts.unwrap_or_default();
-    [csv::text(&found.image), found.voxels.to_string(), mean, sd, min, max, first, bin, counts].into_iter()
+    let head = [csv::text(&found.image), found.voxels.to_string()].into_iter();
+    head.chain(numbers).chain([first, bin, counts])
 }
 
 /// All lines as JSON, with the case's doubts.

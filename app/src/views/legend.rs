@@ -43,28 +43,51 @@ const MAX_OVERLAPS: usize = 8;
 pub fn show(ui: &Ui, rect: Rect, rows: &[Row]) {
     let painter = ui.painter().with_clip_rect(rect);
     let dark = ui.visuals().dark_mode;
-    let room = (((rect.height() - BELOW) / ROW).floor().max(1.0)) as usize;
-    let fits = if rows.len() <= room { rows.len() } else { room - 1 };
     let font = theme::font(LABEL_POINTS);
-    let mut at = rect.left_top() + vec2(10.0, 8.0);
     let width = (rect.width() * WIDEST).max(LEAST_WIDTH);
-    let more = (rows.len() > fits).then(|| (Mark::None, format!("and {} more", rows.len() - fits)));
-    for (mark, text) in rows.iter().take(fits).chain(&more) {
+    let laid_out = |(mark, text): &Row| {
         let inset = if matches!(mark, Mark::Color(_) | Mark::Hatched) { INSET } else { 0.0 };
         let ink = if *mark == Mark::Warning { Tokens::of(dark).warning } else { Tokens::of(dark).text };
-        let galley = if *mark == Mark::Warning {
-            // Whole, over several lines.
-            painter.layout(text.clone(), font.clone(), ink, width)
-        } else {
-            draw::elided(ui, text, &font, ink, width - inset)
+        // Notes and warnings whole, over several lines; names cut.
+        let galley = match mark {
+            Mark::None | Mark::Warning => painter.layout(text.clone(), font.clone(), ink, width),
+            Mark::Color(_) | Mark::Hatched => draw::elided(ui, text, &font, ink, width - inset),
         };
+        (*mark, inset, ink, galley)
+    };
+    let mut all: Vec<_> = rows.iter().map(laid_out).collect();
+    let room = (rect.height() - BELOW).max(ROW);
+    if all.iter().map(|(.., galley)| galley.size().y.max(ROW)).sum::<f32>() > room {
+        // Rather names are left out than what is said of the picture.
+        all.sort_by_key(|(mark, ..)| matches!(mark, Mark::Color(_) | Mark::Hatched));
+    }
+    let fits = rows_that_fit(all.iter().map(|(.., galley)| galley.size().y.max(ROW)), room);
+    if fits < rows.len() {
+        all.truncate(fits);
+        all.push(laid_out(&(Mark::None, format!("and {} more", rows.len() - fits))));
+    }
+    let mut at = rect.left_top() + vec2(10.0, 8.0);
+    for (mark, inset, ink, galley) in all {
         let height = galley.size().y;
         // Legible over a magnified tumour, too.
         draw::plate(&painter, Rect::from_min_size(at, galley.size() + vec2(inset, 0.0)), dark);
-        swatch(&painter, Rect::from_min_size(at + vec2(0.0, 2.0), vec2(SWATCH, SWATCH)), *mark, dark);
+        swatch(&painter, Rect::from_min_size(at + vec2(0.0, 2.0), vec2(SWATCH, SWATCH)), mark, dark);
         painter.galley(at + vec2(inset, 0.0), galley, ink);
         at.y += height.max(ROW);
     }
+}
+
+/// How many rows of these heights fit into `room`, points: all, or so many that one more row says how many are left out.
+fn rows_that_fit(heights: impl Iterator<Item = f32>, room: f32) -> usize {
+    let (mut used, mut with_note, mut count) = (0.0, 0, 0);
+    for height in heights {
+        used += height;
+        count += 1;
+        if used + ROW <= room {
+            with_note = count;
+        }
+    }
+    if used <= room { count } else { with_note }
 }
 
 fn swatch(painter: &Painter, rect: Rect, mark: Mark, dark: bool) {
@@ -107,4 +130,20 @@ pub fn mask_rows(input: &Input<'_>) -> Vec<Row> {
         rows.push((Mark::None, format!("and {} smaller overlaps", rest.len())));
     }
     rows
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_that_do_not_fit_leave_room_for_the_note() {
+        let fits = |heights: &[f32], room| rows_that_fit(heights.iter().copied(), room);
+        assert_eq!(fits(&[16.0; 4], 64.0), 4);
+        assert_eq!(fits(&[16.0; 5], 64.0), 3, "and the note");
+        assert_eq!(fits(&[16.0, 32.0, 16.0], 64.0), 3, "a row over two lines");
+        assert_eq!(fits(&[16.0, 32.0, 32.0], 64.0), 2);
+        assert_eq!(fits(&[32.0, 32.0], 16.0), 0, "the note alone");
+        assert_eq!(fits(&[], 16.0), 0);
+    }
 }

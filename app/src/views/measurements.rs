@@ -3,7 +3,10 @@
 use egui::{Align, Layout, Rect, RichText, ScrollArea, Sense, TextEdit, Ui, pos2, vec2};
 use egui_extras::{Column, TableBuilder};
 
-use glioscope_core::measure::{Statistics, ValueHistogram, in_circle};
+use glioscope_core::{
+    Unit,
+    measure::{Statistics, ValueHistogram, in_circle},
+};
 use glioscope_render::flat::PreparedContext;
 use strum::VariantArray;
 
@@ -15,7 +18,7 @@ use super::{
 use crate::{
     command::{AppCommand, Command, Commands, EditCommand, LookCommand},
     format,
-    model::{ExportFormat, Ruler, Shape, Tool, rulers},
+    model::{ExportFormat, Ruler, Shape, Tool, fusion::name_with_unit, rulers},
     world::jobs::{Handle, Lookup},
 };
 
@@ -59,7 +62,7 @@ impl MeasurementsPane {
             let found = known.map(|(.., found)| found.clone()).unwrap_or_else(|| {
                 in_circle(&ruler.name, (id, image.volume()), (ruler.from_mm, normal, ruler.length_mm()))
             });
-            region(ui, &ruler.name, &found);
+            region(ui, &ruler.name, &found, image.volume().unit());
             shown.push((ruler.clone(), of_image.clone(), found));
         }
         self.circles = shown;
@@ -71,19 +74,23 @@ fn in_lens(ui: &mut Ui, stage: &mut Stage<'_>) {
     let input = stage.input;
     let (Some(image), Some(lens)) = (input.context, input.doc.active_lens()) else { return };
     if let Lookup::Ready(found) = stage.results.numbers.lens_values(lens, image, stage.ask) {
-        region(ui, "Lens", found);
+        region(ui, "Lens", found, image.1.volume().unit());
     }
 }
 
 /// Values in a region: a line of numbers and their histogram.
-fn region(ui: &mut Ui, name: &str, found: &Statistics) {
+fn region(ui: &mut Ui, name: &str, found: &Statistics, unit: Unit) {
     let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), format::four_digits);
-    let [mean, sd, min, max] = [found.mean, found.sd, found.min, found.max].map(number);
+    let [mean, sd, min, max, peak] = [found.mean, found.sd, found.min, found.max, found.peak].map(number);
+    let (max_name, peak_name) =
+        if unit == Unit::SuvBw { ("SUVmax", "SUVpeak") } else { ("most", "peak in 1 ml") };
+    let glycolysis =
+        if unit == Unit::SuvBw { format!(", TLG {} g", number(found.mean_times_ml)) } else { String::new() };
     ui.horizontal_wrapped(|ui| {
         ui.label(format!(
-            "{name}, {} voxels of {}: mean {mean}, SD {sd}, least {min}, most {max}",
+            "{name}, {} voxels of {}: mean {mean}, SD {sd}, least {min}, {max_name} {max}, {peak_name} {peak}{glycolysis}",
             format::count(found.voxels),
-            found.image
+            name_with_unit(&found.image, unit)
         ));
         histogram(ui, name, found.histogram.as_ref(), HISTOGRAM_PT[0]);
     });
@@ -158,7 +165,9 @@ fn values(ui: &mut Ui, stage: &mut Stage<'_>) {
     if input.time_point.masks.is_empty() {
         return;
     }
-    ui.strong(format!("Values of {id} in the masks"));
+    let unit = image.volume().unit();
+    let is_suv = unit == Unit::SuvBw;
+    ui.strong(format!("Values of {} in the masks", name_with_unit(id, unit)));
     let all = match stage.results.numbers.statistics(input.time_point, (id, image), stage.ask) {
         Lookup::Ready(all) => all.clone(),
         Lookup::Working(_) => {
@@ -172,9 +181,15 @@ fn values(ui: &mut Ui, stage: &mut Stage<'_>) {
     };
     ui.spacing_mut().item_spacing.x = 4.0;
     let is_wide = ui.available_width() >= WIDE_PT;
-    let (number_pt, histogram_pt) = if is_wide { (62.0, HISTOGRAM_PT[0]) } else { (50.0, 44.0) };
+    let (number_pt, histogram_pt) = match (is_wide, is_suv) {
+        (true, false) => (62.0, HISTOGRAM_PT[0]),
+        (true, true) => (54.0, HISTOGRAM_PT[0]),
+        (false, false) => (50.0, 44.0),
+        (false, true) => (42.0, 44.0),
+    };
     let last = if is_wide { "Histogram" } else { "" };
-    let titles = ["Mask", "Mean", "SD", "Least", "Most", "Peak", last];
+    let titles = ["Mask", "Mean", "SD", "Least", "Most", "Peak"].into_iter();
+    let titles: Vec<&str> = titles.chain(is_suv.then_some("TLG")).chain([last]).collect();
     let table = TableBuilder::new(ui).id_salt("values").vscroll(false).striped(true);
     let table = table.cell_layout(Layout::left_to_right(Align::Center));
     let table = table.column(Column::remainder().at_least(60.0).clip(true));
@@ -182,13 +197,19 @@ fn values(ui: &mut Ui, stage: &mut Stage<'_>) {
     let table = table.column(Column::exact(histogram_pt));
     table
         .header(ROW_PT - 4.0, |mut row| {
-            for title in titles {
+            for &title in &titles {
                 row.col(|ui| {
                     let response = ui.strong(title);
-                    if title == "Peak" {
-                        response
-                            .on_hover_text("The highest mean in a ball of 1 ml about a voxel of the mask");
-                    }
+                    let tip = match title {
+                        "Most" if is_suv => "SUVmax",
+                        "Peak" if is_suv => {
+                            "SUVpeak: the highest mean in a ball of 1 ml about a voxel of the mask"
+                        }
+                        "Peak" => "The highest mean in a ball of 1 ml about a voxel of the mask",
+                        "TLG" => "Total lesion glycolysis: mean SUV times the volume, g",
+                        _ => return,
+                    };
+                    response.on_hover_text(tip);
                 });
             }
         })
@@ -198,7 +219,8 @@ fn values(ui: &mut Ui, stage: &mut Stage<'_>) {
                     row.col(|ui| {
                         ui.label(input.doc.edit.masks.name(&of_mask.mask));
                     });
-                    for value in [of_mask.mean, of_mask.sd, of_mask.min, of_mask.max, of_mask.peak] {
+                    let values = [of_mask.mean, of_mask.sd, of_mask.min, of_mask.max, of_mask.peak];
+                    for value in values.into_iter().chain(is_suv.then_some(of_mask.mean_times_ml)) {
                         row.col(|ui| {
                             ui.label(value.map_or_else(|| "–".to_owned(), format::four_digits));
                         });

@@ -58,6 +58,8 @@ pub struct Input<'a> {
     pub fit_grid: Option<&'a Grid>,
     /// The second image that the slices show.
     pub second: Option<Second<'a>>,
+    /// The mask that slices show alone, by its number, whatever is hidden; `None`: what is selected.
+    pub only_mask: Option<usize>,
     /// Whether views are drawn without controls, and without names of files: for explaining.
     pub is_plain: bool,
     /// Whether views are drawn without controls: for a picture on paper.
@@ -70,6 +72,13 @@ impl Input<'_> {
     /// Whether left and right are known in the case.
     pub fn sides_known(&self) -> bool {
         self.case.grid.sides() == Sides::Known
+    }
+
+    /// Whether the window of the image shown is that of another date's, matched by percentiles.
+    pub fn is_window_matched(&self) -> bool {
+        let (Some(other), Some((id, image))) = (self.matched_to, self.context) else { return false };
+        let is_ct = other.histogram().looks_like_ct() || image.histogram().looks_like_ct();
+        !is_ct && self.window().is_some_and(|window| window != self.doc.window_of(id, other))
     }
 
     /// The window of the image shown.

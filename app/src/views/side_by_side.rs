@@ -1,5 +1,5 @@
-//! Slices of several dates and images side by side: one plane, one place, one magnification. Columns are dates, rows are
-//! images; of one date the images are the columns.
+//! Slices side by side: one place, one magnification. Columns are dates and rows are images, in one plane; of one date the images
+//! are the columns. Or columns are the masks of the date shown, each alone, and rows are the three planes.
 
 use std::collections::BTreeMap;
 
@@ -8,6 +8,7 @@ use glioscope_core::case::TimePoint;
 use glioscope_render::flat::Plane;
 
 use super::{
+    draw,
     pane::{DateInput, Input, Pane, Stage},
     slices::SlicePane,
 };
@@ -35,6 +36,8 @@ enum Arrangement {
     Dates,
     /// Dates one after the other in one place.
     Cine,
+    /// The masks of the date shown, each alone, in all planes.
+    Masks,
 }
 
 /// The pane. Its arrangement isn't saved.
@@ -45,7 +48,7 @@ pub struct SideBySidePane {
     all_images: bool,
     /// Whether the latest date is on the left.
     is_reversed: bool,
-    cells: BTreeMap<(usize, String), SlicePane>,
+    cells: BTreeMap<Key, SlicePane>,
 }
 
 impl Default for SideBySidePane {
@@ -60,34 +63,67 @@ impl Default for SideBySidePane {
     }
 }
 
-/// A cell: the number of its date, and its image's id; `None` where the date lacks it.
-type Cell = (usize, Option<String>);
+/// Of a cell: the number of its date, its image, its plane, its mask.
+type Key = (usize, String, usize, Option<usize>);
+
+/// A cell.
+#[derive(Clone)]
+struct Cell {
+    /// Number of its date.
+    time: usize,
+    /// Its image's id; `None` where the date lacks it.
+    image: Option<String>,
+    plane: Plane,
+    /// The mask that it shows alone, by its number.
+    mask: Option<usize>,
+}
+
+impl Cell {
+    fn key(&self, arrangement: Arrangement) -> Key {
+        // Dates in one place are one widget: the pointer stays over it.
+        let time = if arrangement == Arrangement::Cine { usize::MAX } else { self.time };
+        (time, self.image.clone().unwrap_or_default(), self.plane as usize, self.mask)
+    }
+}
 
 impl SideBySidePane {
-    fn header(&mut self, ui: &mut Ui, dates: usize, most_images: usize) {
+    fn header(&mut self, ui: &mut Ui, input: &Input<'_>, most_images: usize) {
+        let (dates, masks) = (input.dates.len(), input.time_point.masks.len());
         ui.horizontal_wrapped(|ui| {
-            let combo = ComboBox::from_id_salt("plane").selected_text(self.plane.name()).width(70.0);
-            let response = combo.show_ui(ui, |ui| {
-                for plane in Plane::ALL {
-                    ui.selectable_value(&mut self.plane, plane, plane.name());
+            if self.arrangement != Arrangement::Masks {
+                let combo = ComboBox::from_id_salt("plane").selected_text(self.plane.name()).width(70.0);
+                let response = combo.show_ui(ui, |ui| {
+                    for plane in Plane::ALL {
+                        ui.selectable_value(&mut self.plane, plane, plane.name());
+                    }
+                });
+                response.response.widget_info(|| {
+                    egui::WidgetInfo::labeled(egui::Role::ComboBox, true, "Plane of the slices side by side")
+                });
+                if most_images > 1 && dates > 1 {
+                    ui.checkbox(&mut self.all_images, "All images")
+                        .on_hover_text("A row for each image of the case");
                 }
-            });
-            response.response.widget_info(|| {
-                egui::WidgetInfo::labeled(egui::Role::ComboBox, true, "Plane of the slices side by side")
-            });
-            if most_images > 1 && dates > 1 {
-                ui.checkbox(&mut self.all_images, "All images")
-                    .on_hover_text("A row for each image of the case");
             }
+            let mut choose = |ui: &mut Ui, arrangement: Arrangement, name: &str, text: &str| {
+                let mut is_chosen = self.arrangement == arrangement;
+                if ui.checkbox(&mut is_chosen, name).on_hover_text(text).changed() {
+                    self.arrangement = if is_chosen { arrangement } else { Arrangement::Dates };
+                }
+            };
             if dates > 1 {
-                let mut is_cine = self.arrangement == Arrangement::Cine;
                 let text = "The dates one after the other in one place: what changes, moves";
-                if ui.checkbox(&mut is_cine, "In one place").on_hover_text(text).changed() {
-                    self.arrangement = if is_cine { Arrangement::Cine } else { Arrangement::Dates };
-                }
-                if !is_cine && ui.button("Swap").on_hover_text("The latest date left or right").clicked() {
-                    self.is_reversed = !self.is_reversed;
-                }
+                choose(ui, Arrangement::Cine, "In one place", text);
+            }
+            if masks > 1 {
+                let text = "A column for each mask of the date shown, alone, and a row for each plane";
+                choose(ui, Arrangement::Masks, "Masks by planes", text);
+            }
+            if dates > 1
+                && self.arrangement == Arrangement::Dates
+                && ui.button("Swap").on_hover_text("The latest date left or right").clicked()
+            {
+                self.is_reversed = !self.is_reversed;
             }
         });
     }
@@ -95,6 +131,15 @@ impl SideBySidePane {
     /// Rows of cells.
     fn rows(&self, input: &Input<'_>, now: f64) -> Vec<Vec<Cell>> {
         let dates = input.dates;
+        let chosen = input.doc.nav.context.as_deref();
+        if self.arrangement == Arrangement::Masks {
+            let image = input.context.map(|(id, _)| id.to_owned());
+            let row = |plane| {
+                let cell = |mask| Cell { time: input.time, image: image.clone(), plane, mask: Some(mask) };
+                (0..input.time_point.masks.len()).map(cell).collect()
+            };
+            return Plane::ALL.into_iter().map(row).collect();
+        }
         let mut columns: Vec<usize> = (0..dates.len()).collect();
         if self.arrangement == Arrangement::Cine && dates.len() > 1 {
             columns = vec![(now / CINE_SECONDS) as usize % dates.len()];
@@ -107,16 +152,16 @@ impl SideBySidePane {
                 ids.push(id);
             }
         }
-        let chosen = input.doc.nav.context.as_deref();
         if dates.len() > 1 && !self.all_images {
             ids.retain(|id| Some(*id) == chosen);
         }
         let cell = |time: usize, id: &str| {
             let has = dates[time].time_point.contexts.iter().any(|c| c.id == id);
-            (time, has.then(|| id.to_owned()))
+            Cell { time, image: has.then(|| id.to_owned()), plane: self.plane, mask: None }
         };
         if ids.is_empty() {
-            return vec![columns.into_iter().map(|time| (time, None)).collect()];
+            let empty = |time| Cell { time, image: None, plane: self.plane, mask: None };
+            return vec![columns.into_iter().map(empty).collect()];
         }
         if dates.len() == 1 {
             return vec![ids.iter().map(|id| cell(0, id)).collect()];
@@ -125,7 +170,7 @@ impl SideBySidePane {
     }
 
     fn cell(&mut self, ui: &mut Ui, input: &Input<'_>, cell: &Cell, rect: Rect, out: &mut Commands) {
-        let (time, id) = cell;
+        let Cell { time, image: id, plane, mask } = cell;
         let Some(date) = input.dates.get(*time) else { return };
         let image = id.as_deref().and_then(|id| image_of(date, id));
         let of_date_shown = id.as_deref().and_then(|id| image_of(input.dates.get(input.time)?, id));
@@ -140,18 +185,13 @@ impl SideBySidePane {
             // Cells of one size and one magnification.
             fit_grid: Some(input.context.map_or(&input.case.grid, |(_, image)| image.volume().grid())),
             second: second_of(input, date, id.as_deref()),
+            only_mask: *mask,
             compared: None,
             ..*input
         };
-        // Dates in one place are one widget: the pointer stays over it.
-        let is_cine = self.arrangement == Arrangement::Cine;
-        let key = (if is_cine { usize::MAX } else { *time }, id.clone().unwrap_or_default());
-        let plane = self.plane;
-        let pane =
-            self.cells.entry(key.clone()).or_insert_with(|| SlicePane::in_pane(PaneId::SideBySide, plane));
-        if pane.plane() != plane {
-            *pane = SlicePane::in_pane(PaneId::SideBySide, plane);
-        }
+        let (key, plane) = (cell.key(self.arrangement), *plane);
+        let new = || SlicePane::in_pane(PaneId::SideBySide, plane);
+        let pane = self.cells.entry(key.clone()).or_insert_with(new);
         ui.scope_builder(UiBuilder::new().max_rect(rect).id_salt(key), |ui| {
             ui.set_clip_rect(rect.intersect(ui.clip_rect()));
             pane.draw(ui, &own, out);
@@ -186,15 +226,20 @@ fn second_of<'a>(input: &Input<'a>, date: &DateInput<'a>, first: Option<&str>) -
 }
 
 /// What a date is called above its column: the last two are the prior and the current one.
-fn heading(time_point: &TimePoint, time: usize, dates: usize) -> String {
+fn heading(time_point: &TimePoint, time: usize, dates: usize) -> [String; 2] {
     let word = match dates - time {
         _ if dates < 2 => "",
         1 => "current",
         2 => "prior",
         _ => "earlier",
     };
-    let parts = [word, time_point.label.as_str()];
-    parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(" · ")
+    let without_mask = if time_point.masks.is_empty() { " · no mask" } else { "" };
+    [word.to_owned(), format!("{}{without_mask}", time_point.label)]
+}
+
+/// Both on one line.
+fn on_one_line(parts: &[String; 2]) -> String {
+    parts.iter().filter(|part| !part.is_empty()).map(String::as_str).collect::<Vec<_>>().join(" · ")
 }
 
 impl Pane for SideBySidePane {
@@ -203,7 +248,7 @@ impl Pane for SideBySidePane {
         let most_images =
             input.dates.iter().map(|date| date.time_point.contexts.len()).max().unwrap_or_default();
         if !input.is_picture {
-            self.header(ui, input.dates.len(), most_images);
+            self.header(ui, input, most_images);
         }
         if let Some(compared) = input.compared.filter(|compared| compared.report.has_volumes_only()) {
             let why = compared.report.own_warnings(input.case).first().map(|check| check.message.clone());
@@ -217,43 +262,82 @@ impl Pane for SideBySidePane {
             let left = CINE_SECONDS - now % CINE_SECONDS;
             ui.ctx().request_repaint_after(std::time::Duration::from_secs_f64(left.max(0.01)));
         }
+        if self.arrangement == Arrangement::Masks && input.time_point.masks.len() < 2 {
+            self.arrangement = Arrangement::Dates;
+        }
         let mut rows = self.rows(input, now);
         let area = ui.available_rect_before_wrap();
         let most = |points: f32| {
             ((points + GAP_POINTS) / (LEAST_CELL_POINTS + GAP_POINTS)).floor().max(1.0) as usize
         };
-        let has_headings = input.dates.len() > 1;
-        let top = area.top() + if has_headings { HEADING_POINTS } else { 0.0 };
-        let (most_columns, most_rows) = (most(area.width()), most(area.bottom() - top));
+        let headings = |cell: &Cell| match cell.mask {
+            Some(mask) => {
+                let ids = input.time_point.index.mask_ids();
+                [input.doc.edit.masks.name(ids.get(mask).map_or("", String::as_str)), String::new()]
+            }
+            None => heading(input.dates[cell.time].time_point, cell.time, input.dates.len()),
+        };
+        let most_columns = most(area.width());
         let all = rows.iter().map(Vec::len).sum::<usize>();
         // The latest dates are kept.
+        let keeps_first = self.is_reversed || self.arrangement == Arrangement::Masks;
         for row in &mut rows {
             let surplus = row.len().saturating_sub(most_columns);
-            if self.is_reversed { row.truncate(most_columns) } else { drop(row.drain(..surplus)) }
+            if keeps_first { row.truncate(most_columns) } else { drop(row.drain(..surplus)) }
         }
-        rows.truncate(most_rows);
-        let shown = rows.iter().map(Vec::len).sum::<usize>();
         let columns = rows.iter().map(Vec::len).max().unwrap_or(1).max(1);
+        let width = (area.width() - GAP_POINTS * (columns - 1) as f32) / columns as f32;
+        let has_headings = input.dates.len() > 1 || self.arrangement == Arrangement::Masks;
+        let font = theme::font(LABEL_POINTS);
+        let ink = ui.visuals().text_color();
+        let top_row: Vec<[String; 2]> = if has_headings {
+            rows.first().iter().flat_map(|row| row.iter().map(headings)).collect()
+        } else {
+            Vec::new()
+        };
+        let fits = |text: String| {
+            ui.painter().layout_no_wrap(text, font.clone(), ink).size().x <= width - 2.0 * GAP_POINTS
+        };
+        // Below each other where they don't fit beside each other.
+        let is_stacked = !top_row.iter().all(|parts| fits(on_one_line(parts)));
+        let has_two = is_stacked && top_row.iter().any(|[_, second]| !second.is_empty());
+        let heading_points = match (has_headings, has_two) {
+            (false, _) => 0.0,
+            (true, false) => HEADING_POINTS,
+            (true, true) => 2.0 * HEADING_POINTS - 4.0,
+        };
+        let top = area.top() + heading_points;
+        rows.truncate(most(area.bottom() - top));
+        let shown = rows.iter().map(Vec::len).sum::<usize>();
         let size = vec2(
-            (area.width() - GAP_POINTS * (columns - 1) as f32) / columns as f32,
+            width,
             (area.bottom() - top - GAP_POINTS * (rows.len().max(1) - 1) as f32) / rows.len().max(1) as f32,
         );
-        let ink = ui.visuals().text_color();
+        for (x, parts) in top_row.iter().enumerate() {
+            let left = area.left() + x as f32 * (size.x + GAP_POINTS);
+            let above = Rect::from_min_size(pos2(left, area.top()), vec2(size.x, heading_points));
+            let lines = if is_stacked {
+                parts.iter().filter(|p| !p.is_empty()).cloned().collect()
+            } else {
+                vec![on_one_line(parts)]
+            };
+            let step = heading_points / lines.len().max(1) as f32;
+            for (n, line) in lines.iter().enumerate() {
+                let galley = draw::elided(ui, line, &font, ink, width - 2.0 * GAP_POINTS);
+                let middle = pos2(above.center().x, above.top() + (n as f32 + 0.5) * step);
+                ui.painter().galley(
+                    egui::Align2::CENTER_CENTER.anchor_size(middle, galley.size()).min,
+                    galley,
+                    ink,
+                );
+            }
+        }
         for (y, row) in rows.iter().enumerate() {
             for (x, cell) in row.iter().enumerate() {
                 let corner = pos2(
                     area.left() + x as f32 * (size.x + GAP_POINTS),
                     top + y as f32 * (size.y + GAP_POINTS),
                 );
-                if y == 0 && has_headings {
-                    let text = heading(input.dates[cell.0].time_point, cell.0, input.dates.len());
-                    let at = pos2(corner.x + size.x / 2.0, area.top() + HEADING_POINTS / 2.0);
-                    let painter = ui.painter().with_clip_rect(Rect::from_min_size(
-                        pos2(corner.x, area.top()),
-                        vec2(size.x, HEADING_POINTS),
-                    ));
-                    painter.text(at, egui::Align2::CENTER_CENTER, text, theme::font(LABEL_POINTS), ink);
-                }
                 self.cell(ui, input, cell, Rect::from_min_size(corner, size), out);
             }
         }
@@ -268,8 +352,7 @@ impl Pane for SideBySidePane {
                 theme::WARNING_ON_IMAGE,
             );
         }
-        let kept: Vec<(usize, String)> =
-            rows.into_iter().flatten().map(|(time, id)| (time, id.unwrap_or_default())).collect();
+        let kept: Vec<Key> = rows.iter().flatten().map(|cell| cell.key(self.arrangement)).collect();
         if !is_cine {
             self.cells.retain(|key, _| kept.contains(key));
         }

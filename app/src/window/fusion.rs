@@ -7,7 +7,10 @@ use strum::VariantArray;
 use super::label::label_for_screen_readers;
 use crate::{
     command::{Commands, EditCommand, Workstation},
-    model::{Document, Fusion, SecondImage, fusion::image_name},
+    model::{
+        Document, Fusion, SecondImage,
+        fusion::{image_name, is_pet},
+    },
 };
 
 /// The part of the toolbar; nothing where the case has one image.
@@ -53,7 +56,7 @@ pub(super) fn bar(ui: &mut Ui, work: &Workstation, doc: &Document, out: &mut Com
     }
     if let Some(second) = second.filter(|second| second.id != first) {
         ui.menu_button("Its window", |ui| {
-            for preset in second.image.histogram().presets() {
+            for preset in second.image.presets(is_pet(second.id)) {
                 if ui.button(preset.name).clicked() {
                     out.push(EditCommand::SetWindow(second.id.to_owned(), preset.window));
                     ui.close();
@@ -72,6 +75,7 @@ fn controls(ui: &mut Ui, fusion: &mut Fusion, threshold: f64) {
         Mixing::Checkerboard => "checkerboard",
         Mixing::Swipe => "swipe",
         Mixing::Edges => "edges",
+        Mixing::Blink => "blink",
     };
     let combo = ComboBox::from_id_salt("mixing").selected_text(mixing(fusion.mixing)).width(80.0);
     let response = combo.show_ui(ui, |ui| {
@@ -109,6 +113,6 @@ fn controls(ui: &mut Ui, fusion: &mut Fusion, threshold: f64) {
             }
         }
         Mixing::Swipe => slider(ui, &mut fusion.share, "Where the line between both images is"),
-        Mixing::Checkerboard | Mixing::Edges => {}
+        Mixing::Checkerboard | Mixing::Edges | Mixing::Blink => {}
     }
 }

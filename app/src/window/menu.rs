@@ -20,7 +20,7 @@ use crate::{
     command::{
         AppCommand, Command, Commands, EditCommand, LookCommand, Menu, Workstation, listed, menu::Entry,
     },
-    model::{Document, LightChoice, PictureSize, Shading, picture::MAX_WIDTH_PX},
+    model::{Document, LightChoice, PictureSize, Shading, fusion::is_pet, picture::MAX_WIDTH_PX},
     views::{context::tract_look, draw},
 };
 
@@ -391,7 +391,7 @@ fn toolbar(ui: &mut Ui, work: &Workstation, doc: &Document, out: &mut Commands) 
     label_for_screen_readers(&response.response, "Image on the slices");
     if let Some((id, prepared)) = work.world.context(doc) {
         ui.menu_button("Window", |ui| {
-            for preset in prepared.histogram().presets() {
+            for preset in prepared.presets(is_pet(id)) {
                 if ui.button(preset.name).clicked() {
                     out.push(EditCommand::SetWindow(id.to_owned(), preset.window));
                     ui.close();

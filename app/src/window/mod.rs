@@ -555,6 +555,7 @@ impl GlioscopeApp {
             colors: &colors,
             context: world.context(doc),
             second: world.second(doc),
+            only_mask: None,
             is_plain: self.explain.is_some(),
             is_picture: self.is_picture,
             compared: compared.as_ref(),

@@ -134,7 +134,7 @@ impl Preferences {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::layout::default_layout;
+    use crate::model::layout::{Held, default_layout};
     use glioscope_core::files::write_whole_private;
 
     #[test]
@@ -165,7 +165,7 @@ mod tests {
             assert_eq!(file.metadata().unwrap().permissions().mode() & 0o777, 0o600);
         }
         // Layouts by name; what is none isn't offered, and isn't lost.
-        let layout = default_layout(2, 3);
+        let layout = default_layout(Held { dates: 2, images: 1, has_pet: false, masks: 3 });
         assert!(first.keep_layout(" mine ", &layout) && !first.keep_layout("  ", &layout));
         first.change().layouts.insert("later".into(), serde_json::json!({ "root": 7 }));
         first.save();

@@ -34,7 +34,7 @@ pub struct Statistics {
     pub p95: Option<f64>,
     /// Largest value.
     pub max: Option<f64>,
-    /// The highest mean in a ball of 1 ml about a voxel of the mask; voxels of the ball outside the mask count, too. `None` where no such
+    /// The highest mean in a ball of 1 ml about a voxel of the mask; voxels of the ball outside the mask count, too (SUVpeak of SUV). `None` where no such
     /// ball lies inside the image.
     pub peak: Option<f64>,
     /// Mean times the volume of these voxels: total lesion glycolysis, where the values are SUV.
@@ -81,28 +81,31 @@ pub fn statistics(case: &Case, progress: &Progress) -> Result<Vec<Vec<Statistics
 
 /// The statistics of one mask in one image. A mask that covers no voxel centre of a coarser image has none.
 pub fn of(mask: &Mask, (image, volume): (&str, &Volume)) -> Statistics {
-    let inside = voxels_inside(mask, volume);
-    Statistics { peak: peak(volume, &inside), ..at(&inside, mask.id(), (image, volume)) }
+    with_peak(&voxels_inside(mask, volume), mask.id(), (image, volume))
 }
 
 /// The statistics of an image in a circle, named `name`: of the voxels whose centres lie within the radius about the centre and within half a
-/// slice of its plane, or of the one voxel that a smaller circle lies in. `normal`: unit vector across the plane. Without a peak.
+/// slice of its plane, or of the one voxel that a smaller circle lies in. `normal`: unit vector across the plane. The ball of a peak
+/// reaches beyond the slice.
 pub fn in_circle(
     name: &str,
     (image, volume): (&str, &Volume),
     (center_mm, normal, radius_mm): (DVec3, DVec3, f64),
 ) -> Statistics {
-    at(&voxels_in_circle(volume.grid(), center_mm, normal, radius_mm), name, (image, volume))
+    with_peak(&voxels_in_circle(volume.grid(), center_mm, normal, radius_mm), name, (image, volume))
 }
 
-/// The statistics of an image in a ball, named `name`: of the voxels whose centres lie within the radius about the centre. Without a
-/// peak.
+/// The statistics of an image in a ball, named `name`: of the voxels whose centres lie within the radius about the centre.
 pub fn in_ball(
     name: &str,
     (image, volume): (&str, &Volume),
     (center_mm, radius_mm): (DVec3, f64),
 ) -> Statistics {
-    at(&voxels_in_ball(volume.grid(), center_mm, radius_mm), name, (image, volume))
+    with_peak(&voxels_in_ball(volume.grid(), center_mm, radius_mm), name, (image, volume))
+}
+
+fn with_peak(inside: &[usize], name: &str, (image, volume): (&str, &Volume)) -> Statistics {
+    Statistics { peak: peak(volume, inside), ..at(inside, name, (image, volume)) }
 }
 
 fn at(inside: &[usize], name: &str, (image, volume): (&str, &Volume)) -> Statistics {

@@ -5,7 +5,10 @@ use std::sync::Arc;
 use glam::DVec3;
 use glioscope_core::{TumorIndex, Volume};
 
-use crate::flat::{sampler::Sampler, window::Histogram};
+use crate::flat::{
+    sampler::Sampler,
+    window::{Histogram, Preset},
+};
 
 /// An image with what slicing it needs, made once per volume. Voxels are not copied: slices are
 /// interpolated from the stored numbers in `f64` and scaled afterwards.
@@ -27,6 +30,11 @@ impl PreparedContext {
     /// The image.
     pub fn volume(&self) -> &Arc<Volume> {
         &self.volume
+    }
+
+    /// Window presets of the image; `is_pet`: its name says that it is PET.
+    pub fn presets(&self, is_pet: bool) -> Vec<Preset> {
+        self.histogram.presets_of(self.volume.unit(), is_pet)
     }
 
     /// Value range, percentiles and window presets.

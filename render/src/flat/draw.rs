@@ -58,6 +58,8 @@ pub struct MaskLayer<'a> {
     /// Bits of a region that is shown but not filled: the one shared by two time points, so that the anatomy stays
     /// visible where nothing changed.
     pub unfilled: Option<u32>,
+    /// Bits of the masks that count; the others are drawn as if they weren't there, in all regions.
+    pub counted: u32,
 }
 
 /// Colours of pixels without an image value.
@@ -178,6 +180,9 @@ fn draw_masks(view: &SliceView, masks: &MaskLayer<'_>, rgba: &mut [u8]) {
         IndexData::U16(v) => nearest_bits(view, &sampler, v),
         IndexData::U32(v) => nearest_bits(view, &sampler, v),
     };
+    if masks.counted != u32::MAX {
+        bits.iter_mut().for_each(|bits| *bits &= masks.counted);
+    }
     let fills = shown_fills(&mut bits, masks);
     if masks.overlay != Overlay::Outline {
         let opacity = f64::from(masks.opacity.clamp(0.0, 1.0));

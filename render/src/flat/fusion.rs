@@ -33,6 +33,8 @@ keywords! {
         Swipe,
         /// The edges of the second one over the first.
         Edges,
+        /// The second one in place of the first: whoever draws shows both in turn.
+        Blink,
     }
 }
 
@@ -115,6 +117,7 @@ pub(super) fn draw_second(view: &SliceView, layer: &SecondLayer<'_>, outside: Rg
             let first = f64::from(layer.share.clamp(0.0, 1.0)) * width as f64;
             rows.for_each(|(_, (line, values))| draw(&|x| x as f64 + 0.5 > first, line, values));
         }
+        Mixing::Blink => rows.for_each(|(_, (line, values))| draw(&|_| true, line, values)),
         Mixing::Edges => {
             let color = layer.map.color(0.75);
             let edges = edges(&values, width);

@@ -46,6 +46,7 @@ fn mask_layer<'a>(
         outline_px: 1,
         outline_patterns: false,
         unfilled: None,
+        counted: u32::MAX,
     }
 }
 
@@ -379,6 +380,29 @@ fn hidden_regions_are_neither_filled_nor_outlined() {
         };
         assert_eq!(color, expected, "{at}");
     }
+}
+
+/// The other masks leave nothing: neither a colour of the overlap nor an outline.
+#[test]
+fn masks_that_do_not_count_are_not_drawn() {
+    let grid = Grid::axis_aligned([30, 30, 3], DVec3::ONE, DVec3::ZERO).unwrap();
+    let first = |w: DVec3| w.x > 4.5 && w.x < 19.5;
+    let both = index_of(&grid, &[&first, &|w: DVec3| w.x > 9.5]);
+    let alone = index_of(&grid, &[&first]);
+    let (colors, selection) = (MaskColors::new(Palette::Thesis, &[None; 2]), Selection::all());
+    let view = SliceView {
+        turn: DMat3::IDENTITY,
+        plane: Plane::Axial,
+        center_mm: DVec3::new(14.5, 14.5, 1.0),
+        mm_per_pixel: 0.5,
+        size_px: [60, 60],
+        convention: Convention::Neurological,
+    };
+    let of = |index, counted| {
+        masks_only(&view, MaskLayer { counted, ..mask_layer(index, &colors, &selection, Overlay::Both) }).rgba
+    };
+    assert!(of(&both, 0b01) == of(&alone, u32::MAX));
+    assert!(of(&both, u32::MAX) != of(&alone, u32::MAX));
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Grey windows, and presets from an image's histogram.
 
-use glioscope_core::{Scaling, Volume, with_samples};
+use glioscope_core::{Scaling, Unit, Volume, with_samples};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -83,6 +83,9 @@ pub struct Preset {
     /// The window.
     pub window: Window,
 }
+
+/// High end of PET's window, in SUV.
+const PET_HIGH_SUV: f64 = 10.0;
 
 /// Share of finite voxels with the same value, the smallest or 0, above which that value counts as
 /// background: padding of a CT, or the zeros that skull stripping leaves.
@@ -328,6 +331,19 @@ impl Histogram {
         presets
     }
 
+    /// [`Histogram::presets`], and that of PET (`is_pet`, or values in SUV), which is in SUV.
+    pub fn presets_of(&self, unit: Unit, is_pet: bool) -> Vec<Preset> {
+        let mut presets = self.presets();
+        let window = Window { low: 0.0, high: PET_HIGH_SUV };
+        match (unit, is_pet) {
+            (Unit::SuvBw, _) => presets.insert(0, Preset { name: "PET 0 to 10 SUV", window }),
+            // Whether they are SUV, a file such as NIfTI doesn't say.
+            (Unit::Unknown, true) => presets.push(Preset { name: "PET 0 to 10 (if values are SUV)", window }),
+            (Unit::Unknown, false) => {}
+        }
+        presets
+    }
+
     /// The initial window: the first of [`Histogram::presets`].
     pub fn initial_window(&self) -> Window {
         self.presets().first().map_or(Window { low: 0.0, high: 1.0 }, |p| p.window)
@@ -398,6 +414,13 @@ mod tests {
         assert!(h.presets().iter().filter(|p| p.name.contains("CT")).count() >= 3);
         let mr = histogram(Samples::I16((0..4000).collect()), Scaling::NONE);
         assert!(!mr.looks_like_ct() && mr.presets().len() == 2);
+        let pet = |unit, is_pet| {
+            let window = Window { low: 0.0, high: 10.0 };
+            mr.presets_of(unit, is_pet).iter().position(|preset| preset.window == window)
+        };
+        assert_eq!(pet(Unit::SuvBw, false), Some(0));
+        assert_eq!(pet(Unit::Unknown, true), Some(2), "behind those of its values");
+        assert_eq!(pet(Unit::Unknown, false), None);
     }
 
     #[test]

@@ -188,6 +188,54 @@ fn slices_side_by_side_share_place_and_window_and_name_their_dates() {
     assert_eq!(error_text(&harness), "");
 }
 
+/// A column for each mask, with the colour of that mask alone, and a row for each plane.
+#[test]
+fn masks_stand_side_by_side_each_alone_in_all_planes() {
+    let mut harness = sample();
+    perform(&mut harness, EditCommand::TogglePane(PaneId::SideBySide));
+    maximized(&mut harness, PaneId::SideBySide);
+    harness.get_by_label("Masks by planes").click_accesskit();
+    harness.run_ok();
+    for plane in ["Axial", "Coronal", "Sagittal"] {
+        let slices = harness.query_all_by_label_contains(&format!("{plane} slice")).count();
+        assert_eq!(slices, 3, "{plane}");
+    }
+    let picture = pane_picture(&mut harness, PaneId::SideBySide);
+    let (world, third) = (&harness.state().work.world, picture.width() / 3);
+    let colors = world.colors(doc(&harness));
+    for column in 0..3 {
+        let part = image::imageops::crop_imm(&picture, column * third, 0, third, picture.height()).to_image();
+        let outlines = [0, 1, 2].map(|mask| count_color(&part, colors.mask(mask), 3));
+        for (mask, pixels) in (0..).zip(outlines) {
+            assert!(if mask == column { pixels > 100 } else { pixels == 0 }, "{column}: {outlines:?}");
+        }
+    }
+    harness.get_by_label("Masks by planes").click_accesskit();
+    harness.run_ok();
+    assert_eq!(harness.query_all_by_label_contains("Axial slice").count(), 2, "both dates again");
+}
+
+/// Both images in turn, each for 0.7 s.
+#[test]
+fn two_images_blink() {
+    let mut harness = sample();
+    maximized(&mut harness, PaneId::Axial);
+    let second = Some(SecondImage { id: "PET".into(), time: None });
+    let fusion = Fusion { second, mixing: Mixing::Blink, map: ColorMap::Hot, ..Fusion::default() };
+    perform(&mut harness, EditCommand::SetFusion(Box::new(fusion)));
+    let yellow: Vec<usize> = (0..8)
+        .map(|_| {
+            harness.step();
+            let picture = harness.render().unwrap();
+            picture.pixels().filter(|p| p[0] > 240 && p[1] > 150 && p[2] < 120).count()
+        })
+        .collect();
+    let (least, most) = (yellow.iter().min().unwrap(), yellow.iter().max().unwrap());
+    assert!(most > &(least + 200), "{yellow:?}");
+    let changes = yellow.windows(2).filter(|pair| pair[0].abs_diff(pair[1]) > 100).count();
+    assert!((1..=4).contains(&changes), "{yellow:?}");
+}
+
 /// An image of the same date that lies elsewhere is registered to the one shown, with the mask that was drawn on its grid; and what
 /// a reader says of it is kept.
 #[test]

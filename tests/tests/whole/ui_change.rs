@@ -204,7 +204,8 @@ fn hidden_change_views_compute_no_comparison() {
     };
     assert!(nothing(&mut harness), "the change view is a hidden tab behind the closeup");
     // As a user opens a case with dates: change is in front.
-    perform(&mut harness, EditCommand::SetLayout(Box::new(layout::default_layout(2, 3))));
+    let held = layout::Held { dates: 2, images: 1, has_pet: false, masks: 3 };
+    perform(&mut harness, EditCommand::SetLayout(Box::new(layout::default_layout(held))));
     assert!(!nothing(&mut harness), "the change view is drawn");
     for pane in [PaneId::Change, PaneId::Closeup, PaneId::Context, PaneId::Overlap, PaneId::Axial] {
         let rect = harness.state().pane_rect(pane).unwrap();

@@ -7,12 +7,15 @@ use egui::{Event, Modifiers, MouseWheelSource, MouseWheelUnit, Theme, TouchPhase
 use egui_kittest::kittest::Queryable;
 use glioscope::{
     command::{EditCommand, LookCommand},
-    model::{CaseRef, Fusion, PaneId, SecondImage, layout::Task},
+    model::{
+        CaseRef, Fusion, PaneId, SecondImage,
+        layout::{Held, Task},
+    },
 };
 use glioscope_core::with_samples;
 use glioscope_render::{ColorMap, flat::Mixing};
 use glioscope_tests::{
-    Window, error_text, maximized, perform, print_line, real_data, wait_for_workers, window_on,
+    Window, error_text, maximized, perform, print_line, real_data, wait_for_workers, window_as_opened,
     window_painted_on_cpu,
 };
 
@@ -47,45 +50,47 @@ fn layouts_of_few_and_many_masks_and_dates_as_pictures() {
     else {
         return;
     };
-    use Task as T;
-    for (task, masks, dates, is_dark, is_large) in [
-        (T::Read, 1, 1, true, false),
-        (T::Explain, 1, 1, false, false),
-        (T::CompareMasks, 3, 1, false, false),
-        (T::CompareMasks, 3, 1, true, true),
-        (T::CompareMasks, 5, 1, true, false),
-        (T::CompareMasks, 5, 1, false, true),
-        (T::Fusion, 3, 1, true, false),
-        (T::Fusion, 5, 1, false, true),
-        (T::FollowUp, 1, 2, true, false),
-        (T::FollowUp, 3, 3, false, false),
-        (T::FollowUp, 5, 4, true, false),
-        (T::FollowUp, 3, 4, false, true),
-        (T::Response, 1, 2, false, false),
-        (T::Response, 5, 4, true, true),
-        (T::Explain, 5, 4, true, false),
-    ] {
-        let case = glioma(&folder, masks, dates, &["t1c", "fla"]);
-        let theme = if is_dark { Theme::Dark } else { Theme::Light };
-        let (size, scale) = if is_large { ([1920.0, 1080.0], 2.0) } else { ([1280.0, 720.0], 1.0) };
-        let mut harness = window_on(case, size, theme);
-        // The size is in points of a scale of 1: a picture of twice as many pixels at a scale of 2.
-        harness.set_pixels_per_point(scale).set_size(Vec2::from(size) * scale);
-        harness.run_ok();
-        perform(&mut harness, EditCommand::SetTask(task));
-        if task == T::Fusion {
-            fuse(&mut harness, "fla");
+    // Every layout that suits the case, and the one that it opens with.
+    let all = [Task::CompareMasks, Task::FollowUp, Task::Response, Task::Fusion, Task::Explain, Task::Read];
+    let tasks = std::iter::once(None).chain(all.map(Some));
+    let mut count = 0;
+    for (masks, dates) in [1, 3, 5].into_iter().flat_map(|masks| (1..=4).map(move |dates| (masks, dates))) {
+        for task in tasks.clone() {
+            let held = Held { dates, images: 2, has_pet: false, masks };
+            if task.is_some_and(|task| !task.suits(held)) {
+                continue;
+            }
+            // Light and dark, small and large in turn, each with every layout.
+            count += 1;
+            let (is_dark, is_large) = (count % 2 == 0, count / 2 % 2 == 0);
+            let case = glioma(&folder, masks, dates, &["t1c", "fla"]);
+            let theme = if is_dark { Theme::Dark } else { Theme::Light };
+            let (size, scale) = if is_large { ([1920.0, 1080.0], 2.0) } else { ([1280.0, 720.0], 1.0) };
+            let mut harness = window_as_opened(case, size, theme, scale);
+            harness.run_ok();
+            if let Some(task) = task {
+                perform(&mut harness, EditCommand::SetTask(task));
+            }
+            if task == Some(Task::Fusion) {
+                fuse(&mut harness, "fla");
+            }
+            wait_for_workers(&mut harness);
+            assert_eq!(error_text(&harness), "", "{task:?}");
+            let picture = harness.render().unwrap();
+            assert_eq!(
+                [picture.width(), picture.height()],
+                if is_large { [3840, 2160] } else { [1280, 720] }
+            );
+            let name = format!(
+                "{masks}-masks-{dates}-dates-{}-{}-{}x{}.png",
+                task.map_or("as opened", Task::name).to_lowercase().replace(' ', "-"),
+                if is_dark { "dark" } else { "light" },
+                picture.width(),
+                picture.height()
+            );
+            picture.save(Path::new(&out).join(&name)).unwrap();
+            print_line(&name);
         }
-        wait_for_workers(&mut harness);
-        assert_eq!(error_text(&harness), "", "{task:?}");
-        let name = format!(
-            "{}-{masks}-masks-{dates}-dates-{}-{}.png",
-            task.name().to_lowercase().replace(' ', "-"),
-            if is_dark { "dark" } else { "light" },
-            if is_large { "3840x2160" } else { "1280x720" }
-        );
-        harness.render().unwrap().save(Path::new(&out).join(&name)).unwrap();
-        print_line(&name);
     }
 }
 

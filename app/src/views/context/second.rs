@@ -5,7 +5,7 @@ use glioscope_render::{flat::Mixing, views::context::ImageProjection};
 
 use crate::{
     format,
-    model::fusion::image_name,
+    model::fusion::{image_name, name_with_unit},
     theme::{self, LABEL_POINTS, Tokens},
     views::{
         draw,
@@ -54,7 +54,7 @@ pub(super) fn legend(ui: &Ui, input: &Input<'_>, rect: Rect, projection: &ImageP
     let ink = Tokens::of(dark).text;
     let painter = ui.painter().with_clip_rect(rect);
     let font = theme::font(LABEL_POINTS);
-    let name = image_name(second.id, second.time);
+    let name = name_with_unit(&image_name(second.id, second.time), second.image.volume().unit());
     let above = format::four_digits(projection.threshold);
     let name = draw::elided(
         ui,

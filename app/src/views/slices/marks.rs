@@ -22,7 +22,7 @@ use crate::theme::{
 use crate::{
     format,
     model::{
-        fusion::image_name,
+        fusion::{image_name, name_with_unit},
         overlap::{Shown, mask_shown},
     },
     world::Second,
@@ -106,6 +106,7 @@ fn second_image(painter: &Painter, input: &Input<'_>, layout: &Layout, second: &
         }
     }
     let name = image_name(second.id, second.time);
+    let name = name_with_unit(&name, second.image.volume().unit());
     let how = match fusion.mixing {
         Mixing::Over => {
             let above = three_digits(fusion.threshold_in(second.window));
@@ -114,6 +115,8 @@ fn second_image(painter: &Painter, input: &Input<'_>, layout: &Layout, second: &
         Mixing::Checkerboard => "in squares".to_owned(),
         Mixing::Swipe => "right of the line".to_owned(),
         Mixing::Edges => "its edges".to_owned(),
+        Mixing::Blink if super::shows_second(painter.ctx(), fusion) => "in turn: shown now".to_owned(),
+        Mixing::Blink => "in turn: not now".to_owned(),
     };
     let right = rect.right() - MARGIN_POINTS;
     let mut at = pos2(right, rect.center().y + HEADING_POINTS);
@@ -245,9 +248,10 @@ fn title(
     let rect = layout.rect;
     let free = rect.width() - 2.0 * MARGIN_POINTS - GAP_POINTS;
     let line = |text: String| painter.layout_no_wrap(text, theme::font(LABEL_POINTS), ON_IMAGE);
-    let window = input
-        .window()
-        .map(|window| line(format!("W {} L {}", three_digits(window.width()), three_digits(window.level()))));
+    let matched = if input.is_window_matched() { ", matched" } else { "" };
+    let window = input.window().map(|window| {
+        line(format!("W {} L {}{matched}", three_digits(window.width()), three_digits(window.level())))
+    });
     let date = input.time_point.label.as_str();
     let series = input.context.map_or("no image", |(id, _)| id);
     let dated = if date.is_empty() { series.to_owned() } else { format!("{series} · {date}") };
@@ -257,8 +261,10 @@ fn title(
         .find(|text| text.size().x + window_width <= free)
         .unwrap_or_else(|| line(series.to_owned()));
     let window = window.filter(|window| series.size().x + window.size().x <= free);
+    let place = line(format!("{} {}", layout.slice.plane.name(), layout.slice.position_label(sides_known)));
     let middle = [rect.center().x - LETTER_POINTS, rect.center().x + LETTER_POINTS];
-    let is_middle_free = rect.left() + MARGIN_POINTS + series.size().x < middle[0]
+    // The letter is higher than a line: it reaches beside the second one.
+    let is_middle_free = rect.left() + MARGIN_POINTS + series.size().x.max(place.size().x) < middle[0]
         && window.as_ref().is_none_or(|w| rect.right() - MARGIN_POINTS - w.size().x > middle[1]);
     let top = rect.left_top() + vec2(MARGIN_POINTS, MARGIN_POINTS - 2.0);
     let mut at = top;
@@ -267,8 +273,7 @@ fn title(
         let corner = rect.right_top() + vec2(-MARGIN_POINTS, MARGIN_POINTS - 2.0);
         draw_galley(painter, corner, Align2::RIGHT_TOP, window, ON_IMAGE);
     }
-    let place = format!("{} {}", layout.slice.plane.name(), layout.slice.position_label(sides_known));
-    at.y += draw_text(painter, at, Align2::LEFT_TOP, &place, LABEL_POINTS, ON_IMAGE);
+    at.y += draw_galley(painter, at, Align2::LEFT_TOP, place, ON_IMAGE);
     if !sides_known {
         at.y += draw_text(painter, at, Align2::LEFT_TOP, "side unknown", TEXT_POINTS, WARNING_ON_IMAGE);
     }
@@ -322,6 +327,12 @@ fn scale_bar(painter: &Painter, layout: &Layout, readout_height: f32) {
     let length = bar.px as f32 / layout.pixels_per_point;
     let right = rect.right_bottom() + vec2(-MARGIN_POINTS - 1.0, -readout_height - 6.0);
     let left = right - vec2(length, 0.0);
+    let text = format!("{} mm", format::plain(bar.mm));
+    let text = painter.layout_no_wrap(text, theme::font(LABEL_POINTS), ON_IMAGE);
+    // No room below the letter at the right edge.
+    if right.y - 4.0 - text.size().y < rect.center().y + HEADING_POINTS {
+        return;
+    }
     for stroke in [Stroke::new(4.0, EDGE), Stroke::new(2.0, ON_IMAGE)] {
         let overhang = vec2((stroke.width - 2.0) / 2.0, 0.0);
         painter.line_segment([left - overhang, right + overhang], stroke);
@@ -330,6 +341,8 @@ fn scale_bar(painter: &Painter, layout: &Layout, readout_height: f32) {
             painter.line_segment([end - half_tick, end + half_tick], stroke);
         }
     }
-    let text = format!("{} mm", format::plain(bar.mm));
-    draw_text(painter, right - vec2(length / 2.0, 4.0), Align2::CENTER_BOTTOM, &text, LABEL_POINTS, ON_IMAGE);
+    // Above the middle of the bar, but within the slice where the bar is shorter than its text.
+    let beyond = ((text.size().x - length) / 2.0).max(0.0);
+    let middle = right - vec2(length / 2.0 + beyond, 4.0);
+    draw_galley(painter, middle, Align2::CENTER_BOTTOM, text, ON_IMAGE);
 }

@@ -17,8 +17,8 @@ use glioscope_core::{Selection, Sides, TumorIndex};
 use glioscope_render::{
     MaskColors,
     flat::{
-        ContextLayer, MaskLayer, Overlay, Plane, PreparedContext, SecondLayer, SliceLayers, SliceStyle,
-        SliceView, Window, place_label, readout, render_slice,
+        ContextLayer, MaskLayer, Mixing, Overlay, Plane, PreparedContext, SecondLayer, SliceLayers,
+        SliceStyle, SliceView, Window, place_label, readout, render_slice,
     },
 };
 
@@ -31,7 +31,7 @@ use super::{
 use crate::{
     command::{Commands, EditCommand},
     format,
-    model::{Fusion, PaneId},
+    model::{Fusion, PaneId, fusion::is_pet},
     world::{Second, jobs::Handle},
 };
 
@@ -229,6 +229,7 @@ struct SliceKey {
     opacity: f32,
     outline_px: u32,
     outline_patterns: bool,
+    counted: u32,
     style: SliceStyle,
 }
 
@@ -238,6 +239,20 @@ struct DrawnSlice {
     texture: TextureHandle,
     not_finite_pixels: u64,
     draws: u64,
+}
+
+/// Seconds that each of two images is shown while they blink.
+const BLINK_SECONDS: f64 = 0.7;
+
+/// Whether the second image is shown at this moment: while both blink, half of the time.
+fn shows_second(ctx: &egui::Context, fusion: &Fusion) -> bool {
+    if fusion.mixing != Mixing::Blink {
+        return true;
+    }
+    let turns = ctx.input(|i| i.time) / BLINK_SECONDS;
+    let left = (1.0 - turns.fract()) * BLINK_SECONDS;
+    ctx.request_repaint_after(std::time::Duration::from_secs_f64(left.max(0.01)));
+    turns as u64 % 2 == 1
 }
 
 /// The second image as a layer.
@@ -261,6 +276,8 @@ struct ShownMasks {
     selection: Selection,
     /// Bits of the region shown but not filled.
     unfilled: Option<u32>,
+    /// Bits of the masks that count.
+    counted: u32,
 }
 
 fn shown_masks(input: &Input<'_>) -> ShownMasks {
@@ -273,12 +290,14 @@ fn shown_masks(input: &Input<'_>) -> ShownMasks {
             selection: Selection::all(),
             // Active at both time points: unchanged.
             unfilled: Some(0b11),
+            counted: u32::MAX,
         },
         None => ShownMasks {
             index: input.time_point.index.clone(),
             colors: input.colors.clone(),
-            selection: input.selection.clone(),
+            selection: input.only_mask.map_or_else(|| input.selection.clone(), |_| Selection::all()),
             unfilled: None,
+            counted: input.only_mask.map_or(u32::MAX, |mask| 1 << mask),
         },
     }
 }
@@ -294,10 +313,11 @@ impl SlicePane {
         let style = SliceStyle::DARK;
         let outline_px = (OUTLINE_POINTS * layout.pixels_per_point).round().max(1.0) as u32;
         let image = input.context.map(|(_, image)| image).zip(input.window());
+        let second = input.second.filter(|_| shows_second(ui.ctx(), &edit.fusion));
         let key = SliceKey {
             slice: layout.slice,
             image: image.map(|(image, window)| (Handle::of(image), window)),
-            second: input.second.map(|s| (Handle::of(s.image), s.window, edit.fusion.clone())),
+            second: second.map(|s| (Handle::of(s.image), s.window, edit.fusion.clone())),
             index: Handle::of(index),
             colors: colors.clone(),
             selection: selection.clone(),
@@ -305,6 +325,7 @@ impl SlicePane {
             opacity: edit.overlay_opacity,
             outline_px,
             outline_patterns: edit.outline_patterns,
+            counted: masks.counted,
             style,
         };
         if let Some(drawn) = &self.drawn
@@ -314,7 +335,7 @@ impl SlicePane {
         }
         let layers = SliceLayers {
             context: image.map(|(image, window)| ContextLayer { image, window }),
-            second: input.second.map(|second| layer(second, &edit.fusion)),
+            second: second.map(|second| layer(second, &edit.fusion)),
             masks: Some(MaskLayer {
                 index,
                 colors,
@@ -324,6 +345,7 @@ impl SlicePane {
                 outline_px,
                 outline_patterns: edit.outline_patterns,
                 unfilled: masks.unfilled,
+                counted: masks.counted,
             }),
             style,
         };
@@ -351,7 +373,7 @@ fn window_menu(response: &egui::Response, input: &Input<'_>, out: &mut Commands)
     response.context_menu(|ui| {
         ui.label(format!("Window of {id}"));
         let current = input.window();
-        for preset in image.histogram().presets() {
+        for preset in image.presets(is_pet(id)) {
             if ui.selectable_label(Some(preset.window) == current, preset.name).clicked() {
                 out.push(EditCommand::SetWindow(id.to_owned(), preset.window));
                 ui.close();

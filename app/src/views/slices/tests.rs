@@ -114,6 +114,7 @@ fn slice_harness(plane: Plane, sides: Sides, convention: Convention) -> Harness<
                     is_picture: false,
                     colors: &view.work.world.colors(doc),
                     second: None,
+                    only_mask: None,
                     context: view.work.world.context(doc),
                     compared: None,
                 };
@@ -402,5 +403,52 @@ fn a_slice_is_rendered_again_only_when_it_changed() {
         apply(&mut harness, command.clone());
         harness.run();
         assert_eq!(draws(&harness), before + 1, "{command:?}");
+    }
+}
+
+/// The texts drawn in the last frame, without their halos, and where each is.
+fn texts(harness: &Harness<'_, TestView>) -> Vec<(String, Rect)> {
+    fn collect(shape: &egui::Shape, found: &mut Vec<(String, Rect)>) {
+        match shape {
+            egui::Shape::Text(text) if text.override_text_color != Some(crate::theme::EDGE) => {
+                let rect = text.galley.rect.translate(text.pos.to_vec2());
+                found.push((text.galley.text().to_owned(), rect));
+            }
+            egui::Shape::Vec(all) => all.iter().for_each(|shape| collect(shape, found)),
+            _ => {}
+        }
+    }
+    let mut found = Vec::new();
+    harness.output().shapes.iter().for_each(|clipped| collect(&clipped.shape, &mut found));
+    found
+}
+
+/// From the narrowest cell side by side to a large pane: no text lies on another or beyond the pane, and plane, place and sides
+/// are named.
+#[test]
+fn texts_of_a_slice_of_any_size_lie_apart() {
+    for plane in Plane::ALL {
+        let mut harness = slice_harness(plane, Sides::Known, Convention::Radiological);
+        for size in
+            [[120.0, 150.0], [150.0, 150.0], [160.0, 280.0], [200.0, 130.0], [250.0, 400.0], [900.0, 700.0]]
+        {
+            harness.set_size(size.into());
+            harness.run();
+            let (all, pane) = (texts(&harness), harness.state().rect);
+            assert!(all.iter().any(|(text, _)| text.starts_with(plane.name())), "{size:?} {all:?}");
+            assert!(
+                all.iter().filter(|(text, _)| text.chars().count() == 1).count() == 4,
+                "{size:?} {all:?}"
+            );
+            for (n, (text, rect)) in all.iter().enumerate() {
+                assert!(pane.expand(0.5).contains_rect(*rect), "{size:?}: {text:?} at {rect:?} in {pane:?}");
+                for (other, beside) in &all[..n] {
+                    assert!(
+                        !rect.shrink(1.0).intersects(*beside),
+                        "{plane:?} {size:?}: {text:?} on {other:?}"
+                    );
+                }
+            }
+        }
     }
 }

@@ -10,7 +10,7 @@ use super::pixels::{Layout, stored};
 use super::scan::{Header, in_file, parsed, read_bytes};
 use super::stack::{Candidate, Stack, stacks};
 use super::suv::{Activity, Uptake, uptake};
-use crate::{Check, Progress, Samples, Scaling, Volume};
+use crate::{Check, Progress, Samples, Scaling, Unit, Volume};
 
 /// The volumes of a series, before their pixels are read.
 pub(super) struct Series<'a> {
@@ -115,9 +115,16 @@ impl<'a> Series<'a> {
             }
         }
         let volume = Volume::new(grid, samples, scaling)
-            .ok_or_else(|| FileError::wrong(&self.name, "another number of voxels", "those of its slices"))?;
+            .ok_or_else(|| FileError::wrong(&self.name, "another number of voxels", "those of its slices"))?
+            .in_unit(self.unit());
         let origin = self.files.get(stack.slices[0].file).map(|file| file.origin());
         Ok(Loaded { volume, frames: count, checks, origin })
+    }
+
+    /// What the values are measured in.
+    fn unit(&self) -> Unit {
+        let is_suv = self.uptake.as_ref().is_some_and(|uptake| uptake.factor.is_some());
+        if is_suv { Unit::SuvBw } else { Unit::Unknown }
     }
 
     /// How the voxels of `stack` are kept.

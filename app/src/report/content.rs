@@ -105,8 +105,9 @@ impl Content<'_> {
         })
     }
 
-    /// The warnings, for the front, and the notes, for the end; `more`: warnings that the case doesn't have.
-    pub fn findings(&self, own: &[Check], more: &[String]) -> (Vec<Block>, Vec<Block>) {
+    /// The warnings, for the front, and the notes, for the end; `more`: warnings that the case doesn't have; `has_doubts`: whether others
+    /// stand with the calls.
+    pub fn findings(&self, own: &[Check], more: &[String], has_doubts: bool) -> (Vec<Block>, Vec<Block>) {
         let words = self.words;
         let all = own.iter().chain(&self.case.checks);
         let said = |check: &Check| Finding {
@@ -122,7 +123,7 @@ impl Content<'_> {
             }
         }
         let said = if warnings.is_empty() {
-            Block::Text(words.get("no-warnings"))
+            Block::Text(words.get(if has_doubts { "warnings-of-calls" } else { "no-warnings" }))
         } else {
             Block::Findings(warnings)
         };

@@ -112,9 +112,6 @@ impl Found {
         let missing = evaluated.map_or(0, |evaluated| evaluated.response.missing_answers());
         let missing = (missing > 0).then(|| words.with("answers-missing", &[("count", missing.to_string())]));
         let own_warnings = [contradictions, old_calls, missing.into_iter().collect()].concat();
-        let (warnings, notes) = content.findings(&self.own, &own_warnings);
-        blocks.extend(warnings);
-        blocks.extend(content.conclusion());
         // With a call, the first page is for it: why, of which lesions, and what the reader stated.
         let of_response = answered.map(|answered| {
             let evaluated = &answered.evaluated;
@@ -123,6 +120,12 @@ impl Found {
             of.extend(stated::blocks(&evaluated.stated, words, redactor, is_named));
             of
         });
+        let is_doubt =
+            |block: &Block| matches!(block, Block::Findings(all) if all.iter().any(|one| one.is_warning));
+        let has_doubts = of_response.iter().flatten().any(is_doubt);
+        let (warnings, notes) = content.findings(&self.own, &own_warnings, has_doubts);
+        blocks.extend(warnings);
+        blocks.extend(content.conclusion());
         match of_response {
             Some(of_response) => blocks.extend(of_response),
             None => blocks.extend(content.summary(true)),

@@ -171,7 +171,7 @@ pub fn make(
     let Front { title, mut blocks, notes } = found.front(&content, answered);
     if form.has_pictures() {
         blocks.push(Block::Heading(words.get("section-pictures")));
-        blocks.extend(pictures(case, doc, &content, painter, progress)?);
+        blocks.extend(pictures(case, &pictured(case, doc, answered), &content, painter, progress)?);
     }
     if answered.is_some() {
         blocks.extend(content.summary(false));
@@ -240,6 +240,15 @@ fn panes(case: &Case) -> Vec<(PaneId, &'static str)> {
     all.into_iter().filter(|(.., wanted)| *wanted).map(|(pane, key, _)| (pane, key)).collect()
 }
 
+/// What the pictures show: of a report of a response without kept views the last date, which its calls are about.
+fn pictured(case: &Case, doc: &Document, answered: Option<&Answered>) -> Document {
+    let mut shown = doc.clone();
+    if answered.is_some() && doc.edit.pictures.is_empty() {
+        shown.nav.time = case.time_points.len().saturating_sub(1);
+    }
+    shown
+}
+
 /// The views that the reader kept; without any, all that the case has.
 fn pictures(
     case: &Case,
@@ -250,6 +259,7 @@ fn pictures(
 ) -> Result<Vec<Block>, AppError> {
     let words = content.words;
     let mut blocks = Vec::new();
+    painter.show(doc);
     if doc.edit.pictures.is_empty() {
         for (pane, key) in panes(case) {
             progress.check()?;

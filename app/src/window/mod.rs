@@ -643,8 +643,8 @@ impl GlioscopeApp {
     }
 
     /// The folder in which a file dialog begins. Of what is written of a case: that of what was written of it last, else the case's
-    /// own, so that nothing of one patient is proposed beside another's. Else that of the file chosen last. A manifest belongs beside the
-    /// files it describes.
+    /// own, so that nothing of one patient is proposed beside another's; `None` where it has none. Else that of the file chosen last. A
+    /// manifest belongs beside the files it describes.
     fn folder_for(&self, purpose: &Purpose) -> Option<PathBuf> {
         if let (Purpose::Manifest, Some(guess)) = (purpose, &self.work.guess) {
             return std::path::absolute(&guess.proposal.folder).ok();
@@ -671,7 +671,9 @@ impl GlioscopeApp {
         let own = case.clone().filter(|folder| is_of_case && folder.is_dir());
         // A session belongs to its case, wherever else a file was written.
         let own = if *purpose == Purpose::SaveSession { own.or(written) } else { written.or(own) };
-        let folder = own.or(last).or(case).or_else(|| std::env::current_dir().ok())?;
+        let last = last.filter(|_| !is_of_case);
+        let current = || std::env::current_dir().ok().filter(|_| !is_of_case);
+        let folder = own.or(last).or(case).or_else(current)?;
         std::path::absolute(folder).ok()
     }
 

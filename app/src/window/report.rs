@@ -39,6 +39,8 @@ const WIDTH_POINTS: f32 = 420.0;
 const LIST_POINTS: f32 = 170.0;
 /// Width of the first page beside it, points; left out where the window hasn't the room.
 const PAGE_POINTS: f32 = 520.0;
+/// Height of the conclusion's field, points; more is scrolled.
+const CONCLUSION_POINTS: f32 = 120.0;
 /// What of the window's sides isn't the dialog's, points.
 const MARGIN_POINTS: f32 = 80.0;
 
@@ -86,12 +88,12 @@ pub fn show(
     let (Some(dialog), Some(case)) = (open.as_mut(), work.world.case()) else { return };
     let window = ui.ctx().content_rect().size();
     let has_page = window.x >= WIDTH_POINTS + PAGE_POINTS + MARGIN_POINTS;
-    let mut elsewhere = false;
+    let mut pressed = None;
     let reply = modal::show(ui.ctx(), "Write a report", |ui| {
         ui.horizontal_top(|ui| {
             let reply = ui.vertical(|ui| {
                 ui.set_width(WIDTH_POINTS);
-                content(ui, dialog, (work, case), (evaluated, lesions), &mut elsewhere, out)
+                content(ui, dialog, (work, case), (evaluated, lesions), &mut pressed, out)
             });
             if let (true, Some(doc)) = (has_page, &work.doc) {
                 ui.add_space(12.0);
@@ -102,28 +104,40 @@ pub fn show(
         })
         .inner
     });
+    let is_signed = work.doc.as_ref().is_some_and(|doc| !doc.edit.reading.reader.trim().is_empty());
     let proposed = dialog.proposed.as_ref().map(|[html, pdf]| if dialog.is_pdf { pdf } else { html });
-    match (reply, proposed) {
-        (Reply::None, _) => {}
-        (Reply::Cancel, _) => *open = None,
-        (Reply::Accept, Some(path)) if !elsewhere => {
-            out.push(AppCommand::WriteReportTo(dialog.options, path.clone()));
-            *open = None;
+    let command = match (reply, pressed) {
+        (Reply::None, _) => return,
+        (Reply::Cancel, _) => None,
+        // Enter writes what is signed; a report that nobody has signed is written by its button alone.
+        (Reply::Accept, None) if !is_signed => return,
+        (Reply::Accept, None | Some(Pressed::Write)) => {
+            // Something may have been written there since the dialog was opened.
+            let free = proposed.and_then(|path| unused(path.parent()?, path.extension()?.to_str()?));
+            Some(free.map_or(AppCommand::WriteReport(dialog.options), |path| {
+                AppCommand::WriteReportTo(dialog.options, path)
+            }))
         }
-        (Reply::Accept, _) => {
-            out.push(AppCommand::WriteReport(dialog.options));
-            *open = None;
-        }
-    }
+        (Reply::Accept, Some(Pressed::Choose)) => Some(AppCommand::WriteReport(dialog.options)),
+    };
+    command.into_iter().for_each(|command| out.push(command));
+    *open = None;
 }
 
-/// The dialog's fields and buttons; `elsewhere`: whether another file than the one proposed is to be chosen.
+/// A button that was pressed.
+#[derive(Clone, Copy)]
+enum Pressed {
+    Write,
+    Choose,
+}
+
+/// The dialog's fields and buttons; `pressed`: the one of its buttons that was.
 fn content(
     ui: &mut Ui,
     dialog: &mut ReportDialog,
     (work, case): (&Workstation, &Case),
     (evaluated, lesions): (Option<&Evaluated>, Option<&LesionsReport>),
-    elsewhere: &mut bool,
+    pressed: &mut Option<Pressed>,
     out: &mut Commands,
 ) -> Reply {
     let ReportDialog { options, words, is_pdf, proposed, .. } = dialog;
@@ -178,12 +192,12 @@ fn content(
         if let Some(path) = path {
             let name = path.file_name().unwrap_or_default().to_string_lossy();
             if ui.button(format!("Write {name}")).on_hover_text(path.display().to_string()).clicked() {
-                reply = Reply::Accept;
+                (reply, *pressed) = (Reply::Accept, Some(Pressed::Write));
             }
         }
         let tip = "Another name or folder, or another form by the ending: .md, .json, .csv, .dcm, .sr.dcm";
         if ui.button("Choose the file…").on_hover_text(tip).clicked() {
-            (reply, *elsewhere) = (Reply::Accept, true);
+            (reply, *pressed) = (Reply::Accept, Some(Pressed::Choose));
         }
         if ui.button("Cancel").clicked() {
             reply = Reply::Cancel;
@@ -208,7 +222,8 @@ fn reading(
     ui.add_space(6.0);
     let label = ui.strong("Conclusion");
     let field = egui::TextEdit::multiline(&mut new.conclusion).desired_width(f32::INFINITY).desired_rows(3);
-    ui.add(field.char_limit(MOST_CONCLUSION)).labelled_by(label.id);
+    let area = egui::ScrollArea::vertical().id_salt("conclusion").max_height(CONCLUSION_POINTS);
+    area.show(ui, |ui| ui.add(field.char_limit(MOST_CONCLUSION)).labelled_by(label.id));
     let calls = now[chosen].clone().unwrap_or_default();
     let is_old = new.repeats_old_calls(now);
     // Always there, so that nothing moves once it was pressed.
@@ -237,12 +252,6 @@ fn reading(
         let label = ui.label("Read by");
         let field = egui::TextEdit::singleline(&mut new.reader).desired_width(200.0).char_limit(MOST_READER);
         ui.add(field).labelled_by(label.id);
-        // A signature is the reader's own deed, also where the program knows who stated the facts.
-        let author = &doc.edit.response.author;
-        if !author.is_empty() && new.reader.trim().is_empty() && ui.button(format!("I am {author}")).clicked()
-        {
-            new.reader.clone_from(author);
-        }
         let is_full = options.identity == Identity::Full;
         let mut is_named = is_full || options.names_reader;
         let tick = ui.add_enabled(!is_full, egui::Checkbox::new(&mut is_named, "printed, with the day"));
@@ -250,6 +259,12 @@ fn reading(
             options.names_reader = is_named;
         }
         tick.on_hover_text("Without it the report says that its reader isn't named");
+        // A signature is the reader's own deed, also where the program knows who stated the facts. Last, as it goes when it was pressed.
+        let author = &doc.edit.response.author;
+        if !author.is_empty() && new.reader.trim().is_empty() && ui.button(format!("I am {author}")).clicked()
+        {
+            new.reader.clone_from(author);
+        }
     });
     if new != doc.edit.reading {
         new.day = Timestamp::now().strftime("%Y-%m-%d").to_string();

@@ -26,7 +26,7 @@ pub struct Preview {
 }
 
 impl Preview {
-    /// Draws it, `height` points high at most.
+    /// Draws it, `width` and `height` points large.
     pub fn show(
         &mut self,
         ui: &mut Ui,
@@ -38,10 +38,10 @@ impl Preview {
         ui.vertical(|ui| {
             ui.set_width(width);
             ui.strong("What its first page says");
-            // A dialog has the size of its last frame: else the page couldn't become higher than what stood there before.
+            // As high with little as with much: nothing beside it moves when the page is there.
             let area =
                 ScrollArea::vertical().id_salt("first page").max_height(height).min_scrolled_height(height);
-            area.auto_shrink([false, true]).show(ui, |ui| match (&self.shown, &self.job) {
+            area.auto_shrink([false, false]).show(ui, |ui| match (&self.shown, &self.job) {
                 (Some((_, Ok((.., front)))), _) => page(ui, front),
                 (Some((_, Err(error))), _) => {
                     ui.colored_label(ui.visuals().error_fg_color, error.to_string());

@@ -24,6 +24,7 @@ not-stated = in den Dateien nicht angegeben
 summary = Zusammenfassung
 warnings = Warnungen
 no-warnings = Das Programm fand nichts, wovor zu warnen wäre.
+warnings-of-calls = Zu den Dateien keine; die zu den Einstufungen stehen bei ihnen.
 warning-mark = Warnung
 note-mark = Hinweis
 

@@ -24,6 +24,7 @@ not-stated = not stated by the files
 summary = Summary
 warnings = Warnings
 no-warnings = The program found nothing to warn of.
+warnings-of-calls = None about the files; those about the calls stand with them.
 warning-mark = Warning
 note-mark = Note
 

@@ -195,10 +195,11 @@ fn warnings(ui: &mut Ui, report: &LesionsReport) {
         .iter()
         .map(|lost| format!("Your edit {} has no effect: {}", lost.number + 1, lost.reason));
     let proposed = report.proposed().count();
-    let proposed = (proposed > 0).then(|| match proposed {
+    let proposed_text = match proposed {
+        0 => "Every link is verified".to_owned(),
         1 => "1 link is proposed by the program and not verified".to_owned(),
         several => format!("{several} links are proposed by the program and not verified"),
-    });
+    };
     if !report.ignored.is_empty() {
         let text = match report.ignored.len() {
             1 => "1 component is ignored: Your edits, Take back".to_owned(),
@@ -206,7 +207,12 @@ fn warnings(ui: &mut Ui, report: &LesionsReport) {
         };
         ui.weak(text);
     }
-    for text in report.warnings.iter().cloned().chain(not_linked).chain(lost).chain(proposed) {
+    for text in report.warnings.iter().cloned().chain(not_linked).chain(lost) {
         ui.colored_label(ui.visuals().warn_fg_color, text);
+    }
+    // Where there are links, a line always: what is below, such as *Ignore*, doesn't move under the pointer when the last is verified.
+    if !report.links.is_empty() {
+        let (warn, weak) = (ui.visuals().warn_fg_color, ui.visuals().weak_text_color());
+        ui.colored_label(if proposed > 0 { warn } else { weak }, proposed_text);
     }
 }

@@ -11,8 +11,12 @@ use jiff::{Timestamp, civil::Date};
 
 use crate::views::draw::name_widget;
 
-/// What stands in place of an input that was asked for, and no longer needs an answer.
-pub(super) const NO_MORE: &str = "changes no call any more";
+/// Says behind a field that it was asked for and no longer needs an answer; the field stays, as it may still be answered.
+pub(super) fn no_more(ui: &mut Ui, is_open: bool) {
+    if !is_open {
+        ui.weak("changes no call any more");
+    }
+}
 
 /// Who states a fact, and when.
 pub(super) struct By {

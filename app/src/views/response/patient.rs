@@ -11,7 +11,7 @@ use glioscope_core::{
 
 use super::{
     Wanted,
-    fields::{By, NO_MORE, choice, day, day_with, said, take_back, text},
+    fields::{By, choice, day, day_with, no_more, said, take_back, text},
 };
 use crate::views::{
     draw::{self, name_widget},
@@ -39,21 +39,17 @@ pub(super) fn show(ui: &mut Ui, input: &Input<'_>, history: &mut History, wanted
     if asks(Asked::Disease) || asks(Asked::Baseline) || history.disease.is_some() {
         ui.horizontal_wrapped(|ui| {
             draw::asked(ui, "Disease", wanted.counts(Asked::Disease));
-            if history.disease.is_some() || counts(Asked::Disease) {
-                choice(ui, "Disease", &mut history.disease, &DISEASE, by);
-            } else {
-                ui.weak(NO_MORE);
-            }
+            let is_open = history.disease.is_some() || counts(Asked::Disease);
+            choice(ui, "Disease", &mut history.disease, &DISEASE, by);
+            no_more(ui, is_open);
         });
     }
     if asks(Asked::RadiotherapyEnd) || asks(Asked::Baseline) || history.radiotherapy_end.is_some() {
         ui.horizontal_wrapped(|ui| {
             let label = draw::asked(ui, "Radiotherapy ended", wanted.counts(Asked::RadiotherapyEnd));
-            if history.radiotherapy_end.is_some() || counts(Asked::RadiotherapyEnd) {
-                radiotherapy(ui, label.id, history, by);
-            } else {
-                ui.weak(NO_MORE);
-            }
+            let is_open = history.radiotherapy_end.is_some() || counts(Asked::RadiotherapyEnd);
+            radiotherapy(ui, label.id, history, by);
+            no_more(ui, is_open);
         });
     }
     if asks(Asked::Targets) || history.targets.is_some() {

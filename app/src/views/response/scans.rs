@@ -11,7 +11,7 @@ use glioscope_core::{
 
 use super::{
     Found, Wanted,
-    fields::{By, NO_MORE, choice, number},
+    fields::{By, choice, no_more, number},
 };
 use crate::{
     command::Commands,
@@ -119,11 +119,8 @@ pub(super) fn show(
             for (asked, title, counts) in rows {
                 ui.horizontal_wrapped(|ui| {
                     let name = draw::asked(ui, title, wanted.at(label, asked) && !stated(asked));
-                    if counts {
-                        cell(ui, asked, &format!("{title} at {date}"), &mut facts, name.id, by);
-                    } else {
-                        ui.weak(NO_MORE);
-                    }
+                    cell(ui, asked, &format!("{title} at {date}"), &mut facts, name.id, by);
+                    no_more(ui, counts);
                 });
                 // On lines of their own, where they stay whole.
                 let found = wanted.new_in_masks.get(label.as_str());

@@ -13,7 +13,7 @@ by 5 mm before it is moved. The fixed image is T1c, the moved one T1c or FLAIR. 
 them; the others have no use for them in these recipes.
 
 The error is the largest distance from the truth over the tumour's surface, in mm. CPU seconds are those of the whole process with
-its threads (two each), reading included; of Glioscope also its consistency, which the others don't compute. A program that ends with
+its threads (two each), reading included; of Glioscope with its consistency, which the others don't compute, and alone. A program that ends with
 an error, or not within the time, failed: Glioscope refuses what it can't align, with exit code 2.
 
 Recipes:
@@ -207,14 +207,16 @@ def run_ants(fixed, moving):
     return of_itk(sitk.ReadTransform(found["fwdtransforms"][0]))
 
 
+# With the consistency that the window and `change` use, and without, as the others have none.
+OURS = {"glioscope": [], "glioscope-alone": ["--no-consistency"]}
 PEERS = {"SimpleITK": run_simpleitk, "elastix": run_elastix, "greedy": run_greedy, "ANTs": run_ants}
 
 
 def command(program, glioscope, case):
-    if program != "glioscope":
+    if program not in OURS:
         return [sys.executable, os.path.abspath(__file__), "--peer", program, case.files["fixed"], case.files["moving"]]
     return [glioscope, "register", "--json", "--fixed", case.files["fixed"], "--moving", case.files["moving"],
-            "--lesions", case.files["lesion"], "--moving-lesions", case.files["moving-lesion"]]
+            "--lesions", case.files["lesion"], "--moving-lesions", case.files["moving-lesion"], *OURS[program]]
 
 
 def timed(words, limit):
@@ -239,7 +241,7 @@ def timed(words, limit):
 
 
 def found(program, text):
-    if program == "glioscope":
+    if program in OURS:
         return of_ras(json.loads(text)["moving_from_fixed"])
     return json.loads(text.splitlines()[-1])
 
@@ -293,14 +295,14 @@ def main():
     parser.add_argument("data")
     parser.add_argument("--cases", type=int, default=4, help="cases of each kind of images (default 4)")
     parser.add_argument("--few", type=int, default=2, help="cases of ANTs, which takes minutes each (default 2)")
-    parser.add_argument("--programs", default=",".join(["glioscope", *PEERS]))
+    parser.add_argument("--programs", default=",".join([*OURS, *PEERS]))
     parser.add_argument("--timeout", type=float, default=600, help="seconds a program may take for a case (default 600)")
     parser.add_argument("--keep", help="keep the cases' files in this folder")
     options = parser.parse_args()
     programs = options.programs.split(",")
-    unknown = [name for name in programs if name not in ("glioscope", *PEERS)]
+    unknown = [name for name in programs if name not in (*OURS, *PEERS)]
     if unknown or options.cases < 1:
-        parser.error(f"found {unknown or options.cases}, expected programs of glioscope, {', '.join(PEERS)}, and at least 1 case")
+        parser.error(f"found {unknown or options.cases}, expected programs of {', '.join([*OURS, *PEERS])}, and at least 1 case")
     results = {}
     try:
         run_all(programs, options, results)

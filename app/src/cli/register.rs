@@ -49,6 +49,9 @@ pub struct RegisterArguments {
     /// Write over a file that exists.
     #[arg(long, requires = "out")]
     pub force: bool,
+    /// Leave out the consistency, which takes two thirds of the time: nothing then says how well the images are aligned.
+    #[arg(long)]
+    pub no_consistency: bool,
     /// As JSON: see docs/json.md.
     #[arg(long)]
     pub json: bool,
@@ -110,7 +113,8 @@ pub(super) fn run(arguments: &RegisterArguments) -> Result<(), AppError> {
 struct Found {
     options: Options,
     outcome: Outcome,
-    consistency: Consistency,
+    /// `None` where it is left out.
+    consistency: Option<Consistency>,
     /// `None` without a third image.
     around: Option<Spread>,
 }
@@ -152,8 +156,9 @@ fn found(arguments: &RegisterArguments, progress: &Progress) -> Result<Found, Ap
     let failed = |error| refused(&arguments.moving, "fixed", error);
     let outcome = register::register(&images[0], &images[1], &options, progress).map_err(failed)?;
     let points_mm = points_mm(&of_fixed, &fixed);
-    let consistency = register::consistency(&images[0], &images[1], &options, &outcome, &points_mm, progress)
-        .map_err(failed)?;
+    let consistency =
+        || register::consistency(&images[0], &images[1], &options, &outcome, &points_mm, progress);
+    let consistency = (!arguments.no_consistency).then(consistency).transpose().map_err(failed)?;
     let mut around = None;
     if let Some(through) = &arguments.through {
         let volume = image(through)?;
@@ -186,7 +191,6 @@ fn points_mm(lesions: &[&Mask], fixed: &Volume) -> Vec<DVec3> {
 
 fn described(arguments: &RegisterArguments, found: &Found, seconds: f64) -> Value {
     let Found { options, outcome, consistency, around } = found;
-    let all = consistency.all;
     let how = if arguments.lesions.is_empty() {
         "over the middle of the fixed image"
     } else {
@@ -198,17 +202,17 @@ fn described(arguments: &RegisterArguments, found: &Found, seconds: f64) -> Valu
         "fixed": arguments.fixed.display().to_string(),
         "moving": arguments.moving.display().to_string(),
         "moving_from_fixed": rows(outcome.moving_from_fixed),
-        "consistency_mm": {
-            "median": all.map(|all| all.median_mm),
-            "p95": all.map(|all| all.p95_mm),
-            "max": all.map(|all| all.max_mm),
+        "consistency_mm": consistency.as_ref().map(|consistency| json!({
+            "median": consistency.all.map(|all| all.median_mm),
+            "p95": consistency.all.map(|all| all.p95_mm),
+            "max": consistency.all.map(|all| all.max_mm),
             "floor": consistency.floor_mm,
             "runs": consistency.runs,
             "failed": consistency.failed,
             "how": format!(
                 "{how}: repeated from perturbed starts, with the images exchanged and, where lesions are left out, with them"
             ),
-        },
+        })),
         "loop_mm": around.map(|around| json!({
             "median": around.median_mm,
             "p95": around.p95_mm,
@@ -238,11 +242,17 @@ fn text(transform: &Transform, found: &Found, seconds: f64) -> String {
     let spread = |all: Spread| {
         format!("median {} mm, 95 % {} mm, most {} mm", mm(all.median_mm), mm(all.p95_mm), mm(all.max_mm))
     };
-    let all = consistency.all.map_or_else(|| "unknown".to_owned(), spread);
+    let consistency = match consistency {
+        Some(consistency) => {
+            let all = consistency.all.map_or_else(|| "unknown".to_owned(), spread);
+            format!("{all} (not accuracy; half a voxel is {} mm)", mm(consistency.floor_mm))
+        }
+        None => "left out".to_owned(),
+    };
     let mut lines = vec![
         format!("compared     {}", measure(outcome)),
         format!("turns by     {}°", mm(transform.turn_deg())),
-        format!("consistency  {all} (not accuracy; half a voxel is {} mm)", mm(consistency.floor_mm)),
+        format!("consistency  {consistency}"),
         format!("overlap      {:.0} %", outcome.overlap_share * 100.0),
         format!("time         {} s", decimal::text(seconds, 1)),
         "moving from fixed, RAS mm:".to_owned(),

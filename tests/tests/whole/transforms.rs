@@ -231,6 +231,11 @@ fn two_images_are_registered_on_the_command_line() {
     }
     // The file that it writes says the same.
     assert_eq!(described(&[out])["moving_from_fixed"][0][0], report["moving_from_fixed"][0][0]);
+    // Without the consistency the same transform, and nothing that says how well it fits.
+    let output = run(PROGRAM, &[&arguments[..], &more[..2], &["--no-consistency", "--json"]].concat());
+    let alone: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(alone["moving_from_fixed"], report["moving_from_fixed"]);
+    assert!(alone["consistency_mm"].is_null() && alone["loop_mm"].is_null(), "{alone}");
 
     let refusal = |arguments: &[&str]| {
         let output = run(PROGRAM, &[&["register"], arguments].concat());

@@ -396,7 +396,7 @@ fn a_slice_ruler_is_listed_renamed_exported_deleted_and_restored() {
     assert_eq!(lines.len(), 2);
     assert!(lines[0].starts_with("name,time,view,length_mm,from_r_mm,from_a_mm,from_s_mm,to_r_mm"));
     let numbers = lines[1].strip_prefix("\"cuff, \"\"left\"\"\",2024-01-15,axial,").unwrap();
-    let numbers = numbers.strip_suffix(",line,,,,,,,,,,,,,").unwrap();
+    let numbers = numbers.strip_suffix(",line,,,,,,,,,,,,,,,").unwrap();
     let numbers: Vec<f64> = numbers.split(',').map(|n| n.parse().unwrap()).collect();
     assert_eq!(numbers.len(), 7);
     assert_eq!(numbers[0], ruler.length_mm());

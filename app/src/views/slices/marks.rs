@@ -248,6 +248,9 @@ fn title(
     let rect = layout.rect;
     let free = rect.width() - 2.0 * MARGIN_POINTS - GAP_POINTS;
     let line = |text: String| painter.layout_no_wrap(text, theme::font(LABEL_POINTS), ON_IMAGE);
+    // In a pane that is narrower than a text, the text takes several lines.
+    let width = (rect.width() - 2.0 * MARGIN_POINTS).max(40.0);
+    let wrapped = |text: String, points: f32, color| painter.layout(text, theme::font(points), color, width);
     let matched = if input.is_window_matched() { ", matched" } else { "" };
     let window = input.window().map(|window| {
         line(format!("W {} L {}{matched}", three_digits(window.width()), three_digits(window.level())))
@@ -259,9 +262,10 @@ fn title(
     let series = [line(dated), line(series.to_owned())]
         .into_iter()
         .find(|text| text.size().x + window_width <= free)
-        .unwrap_or_else(|| line(series.to_owned()));
+        .unwrap_or_else(|| wrapped(series.to_owned(), LABEL_POINTS, ON_IMAGE));
     let window = window.filter(|window| series.size().x + window.size().x <= free);
-    let place = line(format!("{} {}", layout.slice.plane.name(), layout.slice.position_label(sides_known)));
+    let place = format!("{} {}", layout.slice.plane.name(), layout.slice.position_label(sides_known));
+    let place = wrapped(place, LABEL_POINTS, ON_IMAGE);
     let middle = [rect.center().x - LETTER_POINTS, rect.center().x + LETTER_POINTS];
     // The letter is higher than a line: it reaches beside the second one.
     let is_middle_free = rect.left() + MARGIN_POINTS + series.size().x.max(place.size().x) < middle[0]
@@ -275,11 +279,13 @@ fn title(
     }
     at.y += draw_galley(painter, at, Align2::LEFT_TOP, place, ON_IMAGE);
     if !sides_known {
-        at.y += draw_text(painter, at, Align2::LEFT_TOP, "side unknown", TEXT_POINTS, WARNING_ON_IMAGE);
+        let text = wrapped("side unknown".into(), TEXT_POINTS, WARNING_ON_IMAGE);
+        at.y += draw_galley(painter, at, Align2::LEFT_TOP, text, WARNING_ON_IMAGE);
     }
     if not_finite_pixels > 0 {
         let text = format!("NaN or infinite: {not_finite_pixels} pixels");
-        at.y += draw_text(painter, at, Align2::LEFT_TOP, &text, LABEL_POINTS, WARNING_ON_IMAGE);
+        let text = wrapped(text, LABEL_POINTS, WARNING_ON_IMAGE);
+        at.y += draw_galley(painter, at, Align2::LEFT_TOP, text, WARNING_ON_IMAGE);
     }
     (at.y - rect.top(), is_middle_free)
 }

@@ -231,7 +231,7 @@ impl<'a> Shade<'a> {
             Self::Copied { texture, shift, texel } => {
                 match texture.row([first.saturating_add(shift[0]), y.saturating_add(shift[1])], span.len()) {
                     Some(texels) => {
-                        span.iter_mut().zip(texels).for_each(|(pixel, &above)| blend(pixel, above))
+                        span.iter_mut().zip(texels).for_each(|(pixel, &above)| blend(pixel, above));
                     }
                     // Beyond the texture's edge, where it repeats or its edge goes on.
                     None => Self::Textured { texture, texel: *texel, as_is: true, color: [255; 4] }

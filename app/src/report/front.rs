@@ -48,7 +48,7 @@ pub struct Front {
 }
 
 impl Found {
-    /// What is found of a case and its document, both as [`anonymous`] gives them; `answered`: their response, if it is known.
+    /// What is found of a case and its document, both as [`super::anonymous`] gives them; `answered`: their response, if it is known.
     ///
     /// # Errors
     /// [`AppError`] where something can't be computed; cancelled.

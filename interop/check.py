@@ -187,6 +187,22 @@ def to_others(folder, study, images, masks):
                 sys.exit(f"{kind}, {name}: centroid {place}, expected {centroid_lps(images, mask)}")
 
 
+def transforms(folder):
+    """An affine transform of SimpleITK as .tfm, written as ITK's other formats: both map points alike, in LPS mm."""
+    affine = sitk.AffineTransform(3)
+    affine.SetMatrix([1, 0.1, 0.05, -0.1, 0.9, 0.02, 0.03, -0.04, 1.1])
+    affine.SetTranslation([1.5, -2.5, 3.5])
+    affine.SetCenter([10, -20, 30])
+    sitk.WriteTransform(affine, str(folder / "affine.tfm"))
+    for ending, more in [("mat", ["--out-convention", "itk"]), ("h5", []), ("txt", [])]:
+        path = folder / f"written.{ending}"
+        glioscope("transform", folder / "affine.tfm", "--out", path, *more)
+        read = sitk.ReadTransform(str(path))
+        for point in [(0.0, 0.0, 0.0), (100.0, -80.0, 60.0), (-30.0, 90.0, -120.0)]:
+            found, expected = np.array(read.TransformPoint(point)), np.array(affine.TransformPoint(point))
+            same(f"{ending} read by SimpleITK, {point}", 1e4 * (found - expected), 0)  # 1e-9 mm
+
+
 # Codes that pydicom's tables don't have: the language, a date's label, a unit, and our own.
 OTHER_CODES = {("en", "RFC5646"), ("C2348792", "UMLS"), ("ml", "UCUM"), ("PERP_PRODUCT", "99GLIOSCOPE")}
 
@@ -363,6 +379,7 @@ def main():
         images, masks = series(folder / STUDY), overlapping_masks()
         study = from_others(folder, images, masks)
         to_others(folder, study, images, masks)
+        transforms(folder)
         reports(folder, study, images)
         pdfs(folder, study)
     print(f"interop: {checks} comparisons with highdicom {hd.__version__}, pydicom, SimpleITK and what else is there are equal")

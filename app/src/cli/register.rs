@@ -10,11 +10,14 @@ use glioscope_core::{
     grid::rows,
     register::{self, Consistency, Image, Measure, Model, Options, Outcome, Spread},
     surface,
-    transform::{self, Transform},
+    transform::{self, Given, ImageGeometry, Images, Transform},
 };
 use serde_json::{Value, json};
 
-use super::terminal;
+use super::{
+    terminal,
+    transform::{OutMeaning, written_as},
+};
 use crate::{error::AppError, output};
 
 /// Arguments of `register`.
@@ -43,9 +46,13 @@ pub struct RegisterArguments {
     /// How the images are compared; without it as they turn out to be.
     #[arg(long, value_enum)]
     pub measure: Option<MeasureArgument>,
-    /// Write the transform: as .tfm or .txt of ITK.
+    /// Write the transform: as .tfm or .txt (ITK's text), .h5 or .hdf5 (ITK's HDF5) of ITK, ANTs and 3D Slicer, .lta or .dat
+    /// (register.dat) of FreeSurfer, or as .mat, which needs --out-convention.
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
+    /// What a .mat, or a bare 4x4 matrix of another ending, is written as.
+    #[arg(long, value_enum, requires = "out")]
+    pub out_convention: Option<OutMeaning>,
     /// Write over a file that exists.
     #[arg(long, requires = "out")]
     pub force: bool,
@@ -87,11 +94,8 @@ pub enum MeasureArgument {
 pub(super) fn run(arguments: &RegisterArguments) -> Result<(), AppError> {
     let started = Instant::now();
     let out = arguments.out.as_ref();
+    let written = out.map(|out| written_as(out, arguments.out_convention)).transpose()?;
     if let Some(out) = out {
-        let ending = out.extension().map(|ending| ending.to_string_lossy().to_lowercase());
-        if !matches!(ending.as_deref(), Some("tfm" | "txt")) {
-            return Err(AppError::file(out, "another ending", ".tfm or .txt"));
-        }
         let inputs = [&arguments.fixed, &arguments.moving].into_iter();
         let inputs =
             inputs.chain(&arguments.through).chain(&arguments.lesions).chain(&arguments.moving_lesions);
@@ -101,8 +105,8 @@ pub(super) fn run(arguments: &RegisterArguments) -> Result<(), AppError> {
     let seconds = started.elapsed().as_secs_f64();
     let transform = Transform::new(found.outcome.moving_from_fixed)
         .map_err(|refusal| AppError::file(&arguments.moving, refusal.found, refusal.expected))?;
-    if let Some(out) = out {
-        transform::write_itk(out, &transform)?;
+    if let (Some(out), Some(written)) = (out, written) {
+        transform::write(out, &transform, &Given { images: Some(found.images), ..written })?;
     }
     if arguments.json {
         return terminal::print_json(&described(arguments, &found, seconds));
@@ -111,6 +115,7 @@ pub(super) fn run(arguments: &RegisterArguments) -> Result<(), AppError> {
 }
 
 struct Found {
+    images: Images,
     options: Options,
     outcome: Outcome,
     /// `None` where it is left out.
@@ -170,7 +175,8 @@ fn found(arguments: &RegisterArguments, progress: &Progress) -> Result<Found, Ap
         let legs = [there.moving_from_fixed, on.moving_from_fixed, outcome.moving_from_fixed.inverse()];
         around = register::around(&legs, &points_mm);
     }
-    Ok(Found { options, outcome, consistency, around })
+    let [fixed, moving] = [&fixed, &moving].map(|volume| ImageGeometry::of(volume.grid()));
+    Ok(Found { images: Images { fixed, moving }, options, outcome, consistency, around })
 }
 
 /// Where the consistency is told: at the lesions' surfaces, else at a lattice over the middle of the image.
@@ -190,7 +196,7 @@ fn points_mm(lesions: &[&Mask], fixed: &Volume) -> Vec<DVec3> {
 }
 
 fn described(arguments: &RegisterArguments, found: &Found, seconds: f64) -> Value {
-    let Found { options, outcome, consistency, around } = found;
+    let Found { options, outcome, consistency, around, .. } = found;
     let how = if arguments.lesions.is_empty() {
         "over the middle of the fixed image"
     } else {

@@ -176,7 +176,7 @@ fn arguments_name_an_id_a_date_or_both() {
 fn a_file_of_another_program_moves_a_date_and_is_an_input() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("two.tfm");
-    transform::write_itk(&file, &Transform::new(turned()).unwrap()).unwrap();
+    transform::write(&file, &Transform::new(turned()).unwrap(), &transform::Given::default()).unwrap();
     let by_file = Alignment::from_argument(&format!("@two={}", file.display())).unwrap();
     let case = with(vec![by_file]).unwrap();
     assert_eq!(case.time_points[0].masks[0].mask.bits(), case.time_points[1].masks[0].mask.bits());
@@ -186,8 +186,12 @@ fn a_file_of_another_program_moves_a_date_and_is_an_input() {
     let error = with(vec![Alignment::from_argument(&text).unwrap()]).unwrap_err().to_string();
     assert!(error.contains("found a convention of"), "{error}");
     let matrix = folder.path().join("two.txt");
-    let fixed_from_moving = transform::Convention::RasFixedFromMoving;
-    transform::write_matrix(&matrix, &Transform::new(turned()).unwrap(), fixed_from_moving).unwrap();
+    let given = transform::Given {
+        format: Some(transform::Format::Matrix),
+        convention: Some(transform::Convention::RasFixedFromMoving),
+        images: None,
+    };
+    transform::write(&matrix, &Transform::new(turned()).unwrap(), &given).unwrap();
     let of = |word: &str| {
         with(vec![Alignment::from_argument(&format!("@two={}{word}", matrix.display())).unwrap()])
     };

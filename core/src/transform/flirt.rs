@@ -15,6 +15,13 @@ pub(super) fn read(text: &str, fixed: &ImageGeometry, moving: &ImageGeometry) ->
     Ok(world_from_fsl * inverse(fixed_from_moving) * fsl_from_world)
 }
 
+/// The text of a matrix from RAS mm of the fixed image to RAS mm of the moving one.
+pub(super) fn text(moving_from_fixed: DAffine3, fixed: &ImageGeometry, moving: &ImageGeometry) -> String {
+    let fsl_from_world = fsl_from_voxel(moving) * moving.voxel_from_world();
+    let world_from_fsl = fixed.world_from_voxel * inverse(fsl_from_voxel(fixed));
+    matrix::bare_text(inverse(fsl_from_world * moving_from_fixed * world_from_fsl))
+}
+
 fn fsl_from_voxel(image: &ImageGeometry) -> DAffine3 {
     let mut scale = image.spacing_mm;
     let mut offset = DVec3::ZERO;

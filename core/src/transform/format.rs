@@ -38,6 +38,24 @@ impl Format {
         format_of(&content(path)?).map_err(|refusal| refusal.in_file(&name_of(path)))
     }
 
+    /// The format that a file with this ending is written as; `None` of other endings, and of `.mat`, which may be ITK's,
+    /// FLIRT's or a bare matrix.
+    pub fn of_ending(path: &Path) -> Option<Self> {
+        let ending = path.extension()?.to_string_lossy().to_lowercase();
+        match ending.as_str() {
+            "tfm" | "txt" => Some(Self::ItkText),
+            "h5" | "hdf5" => Some(Self::ItkHdf),
+            "lta" => Some(Self::Lta),
+            "dat" => Some(Self::RegisterDat),
+            _ => None,
+        }
+    }
+
+    /// Whether both images are needed to write it.
+    pub fn needs_images_to_write(self) -> bool {
+        self.needs_images() || self == Self::Lta
+    }
+
     /// Whether both images are needed to read it.
     pub fn needs_images(self) -> bool {
         matches!(self, Self::Flirt | Self::RegisterDat)

@@ -15,6 +15,9 @@ pub(super) const MOST: usize = 100;
 /// The most numbers of a transform that are read: those that are linear have at most 15.
 pub(super) const MOST_NUMBERS: usize = 64;
 
+/// The class that is written.
+pub(super) const WRITTEN: &str = "AffineTransform_double_3_3";
+
 /// One transform as a file has it.
 #[derive(Default)]
 pub(super) struct Stored {
@@ -52,15 +55,20 @@ pub(super) fn composed(all: &[Stored]) -> Result<DAffine3, Refusal> {
 
 /// The text of a matrix from RAS mm of the fixed image to RAS mm of the moving one.
 pub(super) fn text(moving_from_fixed: DAffine3) -> String {
-    let lps = flip(moving_from_fixed);
-    let numbers = lps.matrix3.transpose().to_cols_array().into_iter().chain(lps.translation.to_array());
-    // The sum makes 0 of -0.
-    let numbers: Vec<String> = numbers.map(|number| (number + 0.0).to_string()).collect();
+    let numbers = parameters(moving_from_fixed).map(|number| number.to_string());
     format!(
-        "#Insight Transform File V1.0\n#Transform 0\nTransform: AffineTransform_double_3_3\nParameters: {}\n\
-         FixedParameters: 0 0 0\n",
+        "#Insight Transform File V1.0\n#Transform 0\nTransform: {WRITTEN}\nParameters: {}\nFixedParameters: 0 0 0\n",
         numbers.join(" ")
     )
+}
+
+/// The parameters of [`WRITTEN`] about the origin, in LPS mm: the matrix by rows, then the translation.
+pub(super) fn parameters(moving_from_fixed: DAffine3) -> [f64; 12] {
+    let lps = flip(moving_from_fixed);
+    let [a, b, c, d, e, f, g, h, i] = lps.matrix3.transpose().to_cols_array();
+    let [x, y, z] = lps.translation.to_array();
+    // The sum makes 0 of -0.
+    [a, b, c, d, e, f, g, h, i, x, y, z].map(|number| number + 0.0)
 }
 
 fn stored(text: &str) -> Result<Vec<Stored>, Refusal> {

@@ -4,11 +4,14 @@
 //! Source: ITK's `itkHDF5TransformIO`, which until version 4 misspelt the names of the parameters.
 
 use glam::DAffine3;
-use hdf5_pure::{DType, Dataset, Error, File, Group, VlenStringReadOptions};
+use hdf5_pure::{
+    CharacterSet, DType, Dataset, Datatype, Error, File, FileBuilder, Group, LibVer, StringPadding,
+    VlenStringReadOptions, make_u8_type,
+};
 
 use super::{
     Refusal,
-    itk::{self, MOST, MOST_NUMBERS, Stored},
+    itk::{self, MOST, MOST_NUMBERS, Stored, WRITTEN},
     itk_class::{LINEAR, base},
     quoted,
 };
@@ -28,6 +31,29 @@ pub(super) fn read(bytes: &[u8]) -> Result<DAffine3, Refusal> {
     }
     let all = (0..count).map(|at| stored(&group, at)).collect::<Result<Vec<_>, _>>()?;
     itk::composed(&all)
+}
+
+/// The file of a matrix from RAS mm of the fixed image to RAS mm of the moving one, in double precision.
+pub(super) fn bytes(moving_from_fixed: DAffine3) -> Result<Vec<u8>, Refusal> {
+    let mut file = FileBuilder::new();
+    // As HDF5 1.8 reads it, which older versions of ITK have.
+    file.with_libver_bounds(LibVer::Earliest, LibVer::V18);
+    let mut all = file.create_group("TransformGroup");
+    let mut one = all.create_group("0");
+    // ITK reads no other strings than ASCII of variable length; those that the library writes are UTF-8 until they are called ASCII.
+    let ascii = Datatype::VariableLength {
+        is_string: true,
+        padding: Some(StringPadding::NullTerminate),
+        charset: Some(CharacterSet::Ascii),
+        base_type: Box::new(make_u8_type()),
+    };
+    one.create_dataset("TransformType").with_vlen_strings(&[WRITTEN]).with_dtype(ascii);
+    one.create_dataset("TransformParameters").with_f64_data(&itk::parameters(moving_from_fixed));
+    one.create_dataset("TransformFixedParameters").with_f64_data(&[0.0; 3]);
+    all.add_group(one.finish());
+    file.add_group(all.finish());
+    file.finish()
+        .map_err(|error| Refusal::new(format!("HDF5 that can't be written: {error}"), "one that can"))
 }
 
 fn stored(group: &Group, at: usize) -> Result<Stored, Refusal> {
@@ -91,9 +117,10 @@ fn broken(error: Error) -> Refusal {
 
 #[cfg(test)]
 pub(super) mod tests {
-    use hdf5_pure::FileBuilder;
-
-    use super::super::{Given, tests::*};
+    use super::{
+        super::{Given, tests::*},
+        FileBuilder,
+    };
 
     /// By SimpleITK 2.5.7: fixtures/write.py.
     pub(in super::super) const COMPOSITE: &[u8] = include_bytes!("fixtures/composite.h5");

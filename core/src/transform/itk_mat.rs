@@ -5,7 +5,11 @@
 
 use glam::DAffine3;
 
-use super::{Refusal, itk_class, quoted};
+use super::{
+    Refusal,
+    itk::{self, WRITTEN},
+    itk_class, quoted,
+};
 
 /// Bytes of a vector's header: type, rows, columns, whether complex, length of the name with its 0.
 const HEADER: usize = 20;
@@ -38,6 +42,22 @@ pub(super) fn read(bytes: &[u8]) -> Result<DAffine3, Refusal> {
         return Err(Refusal::new("more than one transform", EXPECTED));
     }
     itk_class::ras(itk_class::of_class(transform.name, &transform.numbers, &fixed)?)
+}
+
+/// The file of a matrix from RAS mm of the fixed image to RAS mm of the moving one, in double precision and little-endian.
+pub(super) fn bytes(moving_from_fixed: DAffine3) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut add = |name: &str, numbers: &[f64]| {
+        let sizes = [numbers.len(), 1, 0, name.len() + 1];
+        bytes.extend_from_slice(&0_u32.to_le_bytes());
+        bytes.extend(sizes.iter().flat_map(|&size| (size as u32).to_le_bytes()));
+        bytes.extend_from_slice(name.as_bytes());
+        bytes.push(0);
+        bytes.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
+    };
+    add(WRITTEN, &itk::parameters(moving_from_fixed));
+    add("fixed", &[0.0; 3]);
+    bytes
 }
 
 fn fixed(bytes: &[u8]) -> Result<(Vec<f64>, &[u8]), Refusal> {

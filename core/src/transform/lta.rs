@@ -6,7 +6,7 @@
 
 use glam::{DAffine3, DMat3, DVec3};
 
-use super::{Refusal, inverse, matrix, quoted};
+use super::{ImageGeometry, Refusal, inverse, matrix, quoted};
 
 const EXPECTED: &str = "one linear transform of FreeSurfer";
 
@@ -110,6 +110,41 @@ pub(super) fn read(text: &str) -> Result<DAffine3, Refusal> {
             return Err(Refusal::new(found, "type 0 (between voxels) or 1 (between RAS)"));
         }
     })
+}
+
+/// The text of a matrix from RAS mm of the fixed volume to RAS mm of the moving one: of type 1, with both volumes' geometry.
+pub(super) fn text(moving_from_fixed: DAffine3, fixed: &ImageGeometry, moving: &ImageGeometry) -> String {
+    format!(
+        "type      = 1 # LINEAR_RAS_TO_RAS\nnxforms   = 1\nmean      = 0.0000 0.0000 0.0000\nsigma     = 1.0000\n1 4 4\n\
+         {}src volume info\n{}dst volume info\n{}",
+        matrix::bare_text(inverse(moving_from_fixed)),
+        volume_text(moving),
+        volume_text(fixed)
+    )
+}
+
+fn volume_text(image: &ImageGeometry) -> String {
+    let DAffine3 { matrix3, .. } = image.world_from_voxel;
+    let axes = [matrix3.x_axis, matrix3.y_axis, matrix3.z_axis];
+    let directions = axes.map(|axis| axis * axis.length_recip());
+    let center =
+        image.world_from_voxel.transform_point3(DVec3::from_array(image.dims.map(|n| n as f64 / 2.0)));
+    // The sum makes 0 of -0.
+    let line = |key: &str, numbers: [f64; 3]| {
+        let [x, y, z] = numbers.map(|number| number + 0.0);
+        format!("{key} = {x} {y} {z}\n")
+    };
+    let [nx, ny, nz] = image.dims;
+    [
+        "valid = 1  # volume info valid\nfilename = none\n".to_owned(),
+        format!("volume = {nx} {ny} {nz}\n"),
+        line("voxelsize", axes.map(DVec3::length)),
+        line("xras  ", directions[0].to_array()),
+        line("yras  ", directions[1].to_array()),
+        line("zras  ", directions[2].to_array()),
+        line("cras  ", center.to_array()),
+    ]
+    .concat()
 }
 
 /// Lines without comments that say something.

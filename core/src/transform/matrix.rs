@@ -52,19 +52,26 @@ pub(super) fn is_one(text: &str) -> bool {
 
 /// The matrix, from RAS mm of the fixed image to RAS mm of the moving one.
 pub(super) fn read(text: &str, convention: Option<Convention>) -> Result<DAffine3, Refusal> {
-    let Some(convention) = convention else {
-        let words = Convention::ALL.map(Convention::word).join(", ");
-        let expected = format!("what it means with it: {words}, or flirt with both images");
-        return Err(Refusal::new("a bare 4x4 matrix", expected));
-    };
+    let convention = convention.ok_or_else(without_convention)?;
     let stored = bare(text)?;
     Ok(if convention.is_fixed_from_moving() { inverse(stored) } else { stored })
+}
+
+/// The refusal of a bare matrix that may mean anything.
+pub(super) fn without_convention() -> Refusal {
+    let words = Convention::ALL.map(Convention::word).join(", ");
+    Refusal::new("a bare 4x4 matrix", format!("what it means with it: {words}, or flirt with both images"))
 }
 
 /// The text of a matrix from RAS mm of the fixed image to RAS mm of the moving one.
 pub(super) fn text(moving_from_fixed: DAffine3, convention: Convention) -> String {
     let stored =
         if convention.is_fixed_from_moving() { inverse(moving_from_fixed) } else { moving_from_fixed };
+    bare_text(stored)
+}
+
+/// The text of a matrix as it is.
+pub(super) fn bare_text(stored: DAffine3) -> String {
     let (m, t) = (stored.matrix3.transpose().to_cols_array_2d(), stored.translation);
     // The sum makes 0 of -0.
     let row = |[a, b, c]: [f64; 3], t: f64| format!("{} {} {} {}\n", a + 0.0, b + 0.0, c + 0.0, t + 0.0);

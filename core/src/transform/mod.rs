@@ -3,7 +3,7 @@
 //! | format | frame and direction in the file | what it needs |
 //! |---|---|---|
 //! | ITK text, ITK `.mat`, ITK HDF5 | LPS mm, fixed to moving | nothing |
-//! | `.lta` | voxels or RAS mm, moving (source) to fixed (destination) | nothing |
+//! | `.lta` | voxels or RAS mm, moving (source) to fixed (destination); written in RAS mm | nothing; written both images |
 //! | `register.dat` | tkregister's RAS mm, fixed (target) to moving | both images |
 //! | FLIRT `.mat` | scaled voxels, x against RAS, moving (input) to fixed (reference) | both images |
 //! | a bare 4x4 matrix | says nothing: see [`Convention`] | its convention |
@@ -133,15 +133,27 @@ impl Transform {
     }
 }
 
-/// What the user says about a file that it doesn't say itself.
+/// What the user says about a file that it doesn't say itself; of a file that is written, what it shall be.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Given {
-    /// Its format; `None`: by its content. Must be given for FLIRT.
+    /// Its format; `None`: by its content, and of a file that is written by its ending ([`Format::of_ending`]). Must be
+    /// given for FLIRT.
     pub format: Option<Format>,
     /// What a bare matrix means; must be given for [`Format::Matrix`].
     pub convention: Option<Convention>,
-    /// The images that were registered, see [`Format::needs_images`].
+    /// The images that were registered, see [`Format::needs_images`] and [`Format::needs_images_to_write`].
     pub images: Option<Images>,
+}
+
+impl Given {
+    /// The fixed and the moving image, which `format` needs.
+    fn images_of(&self, format: Format) -> Result<(&ImageGeometry, &ImageGeometry), Refusal> {
+        let expected = "the two images that were registered";
+        let images = self.images.as_ref();
+        let images =
+            images.ok_or_else(|| Refusal::new(format!("{}, without its images", format.name()), expected))?;
+        Ok((images.fixed.checked("fixed")?, images.moving.checked("moving")?))
+    }
 }
 
 /// Reads a transform.
@@ -167,13 +179,7 @@ fn parse(bytes: &[u8], given: &Given) -> Result<Transform, Refusal> {
         Some(kind) => return Err(Refusal::new(seen.name(), kind.name())),
         None => seen,
     };
-    let images = || {
-        let expected = "the two images that were registered";
-        let images = given.images.as_ref();
-        let images =
-            images.ok_or_else(|| Refusal::new(format!("{}, without its images", kind.name()), expected))?;
-        Ok((images.fixed.checked("fixed")?, images.moving.checked("moving")?))
-    };
+    let images = || given.images_of(kind);
     let moving_from_fixed = match kind {
         Format::ItkMat => itk_mat::read(bytes)?,
         Format::ItkHdf => itk_hdf::read(bytes)?,
@@ -192,20 +198,38 @@ fn parse(bytes: &[u8], given: &Given) -> Result<Transform, Refusal> {
     Transform::new(moving_from_fixed)
 }
 
-/// Writes a transform as ITK text (`.tfm`), which ANTs, 3D Slicer and SimpleITK read.
+/// Writes a transform, whole or not at all; all formats hold it in double precision.
 ///
 /// # Errors
-/// [`FileError`] with the system's reason.
-pub fn write_itk(path: &Path, transform: &Transform) -> Result<(), FileError> {
-    write_whole(path, itk::text(transform.moving_from_fixed).as_bytes())
+/// [`FileError`] of an ending that says no format where none is `given`, of something that the format needs and that is not
+/// `given`, and with the system's reason.
+pub fn write(path: &Path, transform: &Transform, given: &Given) -> Result<(), FileError> {
+    let bytes = bytes(path, transform, given).map_err(|refusal| refusal.in_file(&name_of(path)))?;
+    write_whole(path, &bytes)
 }
 
-/// Writes a transform as a bare 4x4 matrix of this convention.
-///
-/// # Errors
-/// [`FileError`] with the system's reason.
-pub fn write_matrix(path: &Path, transform: &Transform, convention: Convention) -> Result<(), FileError> {
-    write_whole(path, matrix::text(transform.moving_from_fixed, convention).as_bytes())
+fn bytes(path: &Path, transform: &Transform, given: &Given) -> Result<Vec<u8>, Refusal> {
+    let format = given.format.or_else(|| Format::of_ending(path));
+    let format = format.ok_or_else(|| {
+        Refusal::new("an ending of no one format", ".tfm, .txt, .h5, .hdf5, .lta or .dat, or a format")
+    })?;
+    let moving_from_fixed = transform.moving_from_fixed;
+    let with_images = |text: fn(DAffine3, &ImageGeometry, &ImageGeometry) -> String| {
+        let (fixed, moving) = given.images_of(format)?;
+        Ok(text(moving_from_fixed, fixed, moving).into_bytes())
+    };
+    match format {
+        Format::ItkText => Ok(itk::text(moving_from_fixed).into_bytes()),
+        Format::ItkMat => Ok(itk_mat::bytes(moving_from_fixed)),
+        Format::ItkHdf => itk_hdf::bytes(moving_from_fixed),
+        Format::Flirt => with_images(flirt::text),
+        Format::Lta => with_images(lta::text),
+        Format::RegisterDat => with_images(register_dat::text),
+        Format::Matrix => {
+            let convention = given.convention.ok_or_else(matrix::without_convention)?;
+            Ok(matrix::text(moving_from_fixed, convention).into_bytes())
+        }
+    }
 }
 
 fn content(path: &Path) -> Result<Vec<u8>, FileError> {

@@ -25,6 +25,16 @@ pub(super) fn read(text: &str, fixed: &ImageGeometry, moving: &ImageGeometry) ->
     Ok(world_from_tk * moving_from_fixed * tk_from_world)
 }
 
+/// The text of a matrix from RAS mm of the fixed image to RAS mm of the moving one. The subject, which FreeSurfer's programs
+/// take from their own options, is unknown.
+pub(super) fn text(moving_from_fixed: DAffine3, fixed: &ImageGeometry, moving: &ImageGeometry) -> String {
+    let tk_from_world = tk_from_voxel(moving) * moving.voxel_from_world();
+    let world_from_tk = fixed.world_from_voxel * inverse(tk_from_voxel(fixed));
+    let stored = tk_from_world * moving_from_fixed * world_from_tk;
+    let [in_plane_mm, _, between_mm] = moving.spacing_mm.to_array();
+    format!("unknown\n{in_plane_mm}\n{between_mm}\n0.15\n{}round\n", matrix::bare_text(stored))
+}
+
 /// What follows the matrix only says how old versions round.
 fn rows(text: &str) -> Option<[[f64; 4]; 4]> {
     let mut lines = text.lines().map(str::trim);

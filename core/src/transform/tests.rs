@@ -86,16 +86,88 @@ fn written_files_are_read_back_the_same() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("t.tfm");
     let transform = Transform::new(truth()).unwrap();
-    write_itk(&path, &transform).unwrap();
+    write(&path, &transform, &Given::default()).unwrap();
     assert_eq!(Format::of_file(&path).unwrap(), Format::ItkText);
     assert_eq!(read(&path, &Given::default()).unwrap(), transform);
     for convention in Convention::ALL {
-        write_matrix(&path, &transform, convention).unwrap();
+        let given = Given { format: Some(Format::Matrix), convention: Some(convention), images: None };
+        write(&path, &transform, &given).unwrap();
         assert_eq!(Format::of_file(&path).unwrap(), Format::Matrix);
-        let given = Given { convention: Some(convention), ..Given::default() };
         let back = read(&path, &given).unwrap().moving_from_fixed();
         assert!(difference(back, truth()) < 1e-12, "{convention:?}");
     }
+}
+
+/// A file that is written, what it is written as, and what is needed to read it back.
+struct Written {
+    name: &'static str,
+    bytes: &'static [u8],
+    as_what: Given,
+    back: Given,
+}
+
+/// Every format; the bytes are what other programs read as the truth: fixtures/read.py.
+fn written() -> [Written; 6] {
+    let of = |format| Given { format, ..Given::default() };
+    let with = |format| Given { images: Some(images()), ..of(format) };
+    let new = |name, bytes: &'static [u8], as_what, back| Written { name, bytes, as_what, back };
+    [
+        new("written.tfm", include_bytes!("fixtures/written.tfm"), of(None), of(None)),
+        new("written.mat", include_bytes!("fixtures/written.mat"), of(Some(Format::ItkMat)), of(None)),
+        new("written.h5", include_bytes!("fixtures/written.h5"), of(None), of(None)),
+        new("written.lta", include_bytes!("fixtures/written.lta"), with(None), of(None)),
+        new("written.dat", include_bytes!("fixtures/written.dat"), with(None), with(None)),
+        new(
+            "written.flirt.mat",
+            include_bytes!("fixtures/written.flirt.mat"),
+            with(Some(Format::Flirt)),
+            with(Some(Format::Flirt)),
+        ),
+    ]
+}
+
+#[test]
+fn every_format_is_read_back_as_it_was_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let transform = Transform::new(truth()).unwrap();
+    for Written { name, bytes, as_what, back } in written() {
+        let path = folder.path().join(name);
+        write(&path, &transform, &as_what).unwrap();
+        assert!(std::fs::read(&path).unwrap() == bytes, "{name}: other bytes than those that others read");
+        let format = as_what.format.or_else(|| Format::of_ending(&path)).unwrap();
+        let seen = if format == Format::Flirt { Format::Matrix } else { format };
+        assert_eq!(Format::of_file(&path).unwrap(), seen);
+        let found = read(&path, &back).unwrap().moving_from_fixed();
+        let is_exact = matches!(format, Format::ItkText | Format::ItkMat | Format::ItkHdf);
+        // Of numbers up to 6 mm, and of images whose corners are 60 mm away.
+        let most = if is_exact { f64::MIN_POSITIVE } else { 6e-13 };
+        assert!(difference(found, truth()) < most, "{name}: {found:?}");
+    }
+}
+
+#[test]
+fn what_a_format_needs_is_named_before_anything_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let transform = Transform::new(truth()).unwrap();
+    let of = |format| Given { format, ..Given::default() };
+    let mut flat = images();
+    flat.fixed.spacing_mm.y = 0.0;
+    let flat = Given { images: Some(flat), ..Given::default() };
+    for (name, given, expected) in [
+        ("t.lta", of(None), "found .lta of FreeSurfer, without its images, expected the two images"),
+        ("t.dat", of(None), "found register.dat of FreeSurfer, without its images"),
+        ("t.mat", of(Some(Format::Flirt)), "found FLIRT .mat, without its images"),
+        ("t.mat", of(Some(Format::Matrix)), "found a bare 4x4 matrix, expected what it means with it"),
+        ("t.mat", of(None), "found an ending of no one format, expected .tfm"),
+        ("t.lta", flat, "found a grid of the fixed image without voxels or size"),
+    ] {
+        let path = folder.path().join(name);
+        let error = write(&path, &transform, &given).unwrap_err().to_string();
+        assert!(error.starts_with(&path.display().to_string()) && error.contains(expected), "{error}");
+        assert!(!path.exists());
+    }
+    let all = [Format::ItkText, Format::ItkMat, Format::ItkHdf, Format::Matrix];
+    assert!(Format::Lta.needs_images_to_write() && !all.iter().any(|f| f.needs_images_to_write()));
 }
 
 #[test]

@@ -36,7 +36,12 @@ fn a_transform_of_itk_is_described_and_converted() {
     write_whole(&at("a.tfm"), text.as_bytes()).unwrap();
     let (tfm, bare) = (at("a.tfm"), at("a.mat"));
     let (tfm, bare) = (tfm.to_str().unwrap(), bare.to_str().unwrap());
-    let report = described(&[tfm, "--out", bare]);
+    assert!(
+        refusal(&[tfm, "--out", bare])
+            .contains("a.mat: found .mat, which may be several formats, expected --out")
+    );
+    let as_bare = ["--out", bare, "--out-convention", "ras-moving-from-fixed"];
+    let report = described(&[&[tfm][..], &as_bare].concat());
     let expected = serde_json::json!([
         [0.0, -1.0, 0.0, -10.0],
         [1.0, 0.0, 0.0, -20.0],
@@ -54,7 +59,7 @@ fn a_transform_of_itk_is_described_and_converted() {
     assert_eq!(inverse["fixed_from_moving"], expected);
     assert!(refusal(&[tfm, "--convention", "greedy"]).contains("--convention: found ITK text"));
     assert!(refusal(&[tfm, "--out", tfm, "--force"]).contains("a file that the case was read from"));
-    assert!(refusal(&[tfm, "--out", bare]).contains("--force"));
+    assert!(refusal(&[&[tfm][..], &as_bare].concat()).contains("--force"));
 
     // FLIRT's matrices depend on both images: of images alike and isotropic, the identity is the identity.
     write_cube(&at("i.nii.gz"), 8, 1.0, |_| 1);
@@ -67,7 +72,40 @@ fn a_transform_of_itk_is_described_and_converted() {
     assert_eq!(report["turn_deg"], 0.0);
     write_whole(&at("field.h5"), b"\x89HDF\r\n\x1a\n and more").unwrap();
     assert!(refusal(&[at("field.h5").to_str().unwrap()]).contains(".tfm"));
-    assert!(refusal(&[tfm, "--out", at("new.h5").to_str().unwrap()]).contains("expected .tfm"));
+    // Every format that is written says the same when it is read.
+    let (ras, both) = (["--convention", "ras-moving-from-fixed"], ["--fixed", image, "--moving", image]);
+    for (name, as_what, what) in [
+        ("new.h5", None, &[][..]),
+        ("new.lta", None, &[]),
+        ("new.dat", None, &both),
+        ("itk.mat", Some("itk"), &[]),
+        ("fsl.mat", Some("flirt"), &["--convention", "flirt", "--fixed", image, "--moving", image]),
+        ("bare.txt", Some("ras-moving-from-fixed"), &ras),
+    ] {
+        let new = at(name).display().to_string();
+        let mut arguments = vec![tfm, "--out", &new];
+        arguments.extend(as_what.iter().flat_map(|word| ["--out-convention", word]));
+        if ["new.lta", "new.dat", "fsl.mat"].contains(&name) {
+            assert!(refusal(&arguments).contains("without its images, expected the two images"), "{name}");
+            assert!(!at(name).exists());
+            arguments.extend(both);
+        }
+        described(&arguments);
+        let back = described(&[&[new.as_str()], what].concat())["moving_from_fixed"].clone();
+        let numbers = |rows: &Value| -> Vec<f64> {
+            let rows = rows.as_array().unwrap().iter();
+            rows.flat_map(|row| row.as_array().unwrap()).map(|number| number.as_f64().unwrap()).collect()
+        };
+        for (found, number) in numbers(&back).into_iter().zip(numbers(&expected)) {
+            assert!((found - number).abs() < 1e-12, "{name}: {back}");
+        }
+    }
+    let other = at("new.xyz").display().to_string();
+    assert!(refusal(&[tfm, "--out", &other]).contains("found another ending, expected .tfm"));
+    let lta = at("other.lta").display().to_string();
+    assert!(
+        refusal(&[tfm, "--out", &lta, "--out-convention", "itk"]).contains("--out-convention: found .lta")
+    );
     let composite = concat!(env!("CARGO_MANIFEST_DIR"), "/../core/src/transform/fixtures/composite.h5");
     assert_eq!(described(&[composite])["format"], "ITK HDF5");
 }
@@ -243,7 +281,7 @@ fn two_images_are_registered_on_the_command_line() {
         String::from_utf8_lossy(&output.stderr).into_owned()
     };
     assert!(
-        refusal(&["--fixed", &fixed, "--moving", &moving, "--out", &fixed]).contains("expected .tfm or .txt")
+        refusal(&["--fixed", &fixed, "--moving", &moving, "--out", &fixed]).contains("expected .tfm, .txt")
     );
     let line = refusal(&["--fixed", &fixed, "--moving", &lesions[0], "--out", out]);
     assert!(line.trim_end().lines().count() == 1, "{line}");

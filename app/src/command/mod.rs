@@ -13,7 +13,6 @@ use egui::{Key, KeyboardShortcut, ModifierNames, Modifiers};
 use strum::IntoEnumIterator;
 
 use crate::model::layout::Held;
-
 pub use app::AppCommand;
 pub use edit::EditCommand;
 pub use look::LookCommand;

@@ -517,9 +517,8 @@ impl Workstation {
                 let opens_anew = opened.document.is_none() && self.doc.is_none();
                 self.install_opened(opened);
                 if let (true, Some(case), Some(doc)) = (opens_anew, self.world.case(), &mut self.doc)
-                    && let [only] = &case.time_points[..]
+                    && doc.fuse_at_opening(case)
                 {
-                    doc.fuse_at_opening(only, 1);
                     self.saved = Some(Box::new(doc.edit.clone()));
                 }
                 if let (true, Some(before), Some(case), Some(doc)) =

@@ -12,7 +12,7 @@ use egui_tiles::Tree;
 use glam::{DVec2, DVec3};
 use glioscope_core::{
     Grid,
-    case::{Alignment, CaseGridChoice, LoadOptions, TimePoint},
+    case::{Alignment, Case, CaseGridChoice, LoadOptions, TimePoint},
     optics::{Camera, Projection},
 };
 use glioscope_render::{
@@ -445,12 +445,14 @@ impl Document {
         }
     }
 
-    /// Shows PET over the first image where the case opens with the panes for that.
-    pub fn fuse_at_opening(&mut self, time_point: &TimePoint, time_point_count: usize) {
-        if layout::opening_task(Held::at(time_point, time_point_count)) == Some(Task::Fusion) {
-            let second = second_of(time_point, self.nav.context.as_deref());
+    /// Shows PET over the first image where the case opens with the panes for that; whether it does.
+    pub fn fuse_at_opening(&mut self, case: &Case) -> bool {
+        let opens_fused = layout::opening_task(Held::of(case)) == Some(Task::Fusion);
+        if let ([only], true) = (&case.time_points[..], opens_fused) {
+            let second = second_of(only, self.nav.context.as_deref());
             self.edit.fusion = self.edit.fusion.showing(second, false);
         }
+        opens_fused
     }
 
     /// Keeps a view for the report.

@@ -162,7 +162,8 @@ impl GlioscopeApp {
                 let remembered = self.preferences.get();
                 let (language, is_pdf) = (remembered.report_language, remembered.report_pdf);
                 let folder = self.folder_for(&Purpose::Report(report::Options::default()));
-                self.open.report = Some(report::ReportDialog::new(language, is_pdf, folder));
+                let case = self.work.world.case();
+                self.open.report = case.map(|case| report::ReportDialog::new(case, language, is_pdf, folder));
             }
             AppCommand::KeepPicture => self.keep_picture(ctx),
             AppCommand::WriteReport(options) => self.open_file_dialog(ctx, Purpose::Report(*options)),

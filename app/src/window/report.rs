@@ -1,6 +1,9 @@
 //! The dialog that writes a report, and the report of what the window shows.
 
-use std::path::{Path, PathBuf};
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+};
 
 use egui::{Button, Grid, Ui};
 use glioscope_core::{
@@ -31,7 +34,7 @@ use crate::{
     report::{self, Filing, Identity},
     views::draw,
     words::{Language, Words},
-    world::{World, load},
+    world::{World, jobs::Handle, load},
 };
 
 const WIDTH_POINTS: f32 = 420.0;
@@ -46,6 +49,8 @@ const MARGIN_POINTS: f32 = 80.0;
 
 /// The dialog.
 pub struct ReportDialog {
+    /// The case that it was opened for.
+    case: Handle<Case>,
     options: Options,
     /// The sentences of each language: parsing them takes longer than drawing.
     words: [Words; 2],
@@ -58,14 +63,19 @@ pub struct ReportDialog {
 impl ReportDialog {
     /// The dialog as it opens, in the language and form of the report written last. How much of the patient's identity a report has is asked
     /// for anew each time. A file is proposed in `folder`.
-    pub fn new(language: Language, is_pdf: bool, folder: Option<PathBuf>) -> Self {
+    pub fn new(case: &Arc<Case>, language: Language, is_pdf: bool, folder: Option<PathBuf>) -> Self {
         // A report is signed unless its reader says otherwise.
         let options = Options { language, names_reader: true, ..Options::default() };
         let folder = folder.filter(|folder| folder.is_dir());
         let proposed = folder.and_then(|folder| Some([unused(&folder, "html")?, unused(&folder, "pdf")?]));
         let words = [Language::En, Language::De].map(report::words);
-        Self { options, words, is_pdf, proposed, preview: Preview::default() }
+        Self { case: Handle::of(case), options, words, is_pdf, proposed, preview: Preview::default() }
     }
+}
+
+/// The file proposed in the form chosen.
+fn proposed_of(all: &Option<[PathBuf; 2]>, is_pdf: bool) -> Option<&Path> {
+    all.as_ref().map(|[html, pdf]| if is_pdf { pdf } else { html }.as_path())
 }
 
 /// `report.html`, or with the least number behind it of which nothing is there: `report-2.html`.
@@ -86,6 +96,11 @@ pub fn show(
     out: &mut Commands,
 ) {
     let (Some(dialog), Some(case)) = (open.as_mut(), work.world.case()) else { return };
+    if dialog.case != Handle::of(case) {
+        // Its page and its folder are those of the patient before.
+        *open = None;
+        return;
+    }
     let window = ui.ctx().content_rect().size();
     let has_page = window.x >= WIDTH_POINTS + PAGE_POINTS + MARGIN_POINTS;
     let mut pressed = None;
@@ -105,7 +120,7 @@ pub fn show(
         .inner
     });
     let is_signed = work.doc.as_ref().is_some_and(|doc| !doc.edit.reading.reader.trim().is_empty());
-    let proposed = dialog.proposed.as_ref().map(|[html, pdf]| if dialog.is_pdf { pdf } else { html });
+    let proposed = proposed_of(&dialog.proposed, dialog.is_pdf);
     let command = match (reply, pressed) {
         (Reply::None, _) => return,
         (Reply::Cancel, _) => None,
@@ -187,7 +202,7 @@ fn content(
         ui.colored_label(ui.visuals().warn_fg_color, text);
     }
     let mut reply = Reply::None;
-    let path = proposed.as_ref().map(|[html, pdf]| if *is_pdf { pdf } else { html });
+    let path = proposed_of(proposed, *is_pdf);
     ui.horizontal(|ui| {
         if let Some(path) = path {
             let name = path.file_name().unwrap_or_default().to_string_lossy();

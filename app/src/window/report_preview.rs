@@ -8,17 +8,17 @@ use glioscope_core::case::Case;
 use crate::{
     error::AppError,
     model::{Document, Reading},
-    report::{self, Block, Found, Front, Identity, Options, Table},
+    report::{self, Block, Found, Front, Options, Table},
     world::jobs::{Job, Waker, progress_text},
 };
 
 /// What the page depends on while the dialog is open.
 type Key = (Options, Reading);
 
-/// What was found of the case as a report with this much of the identity shows it, and the page.
-type Shown = (Identity, Arc<Found>, Front);
+/// What was found of the case as a report with that much of the identity shows it, and the page.
+type Shown = (Arc<Found>, Front);
 
-/// The first page of the report that would be written now: computed on a worker, the one before shown meanwhile.
+/// The first page of the report of one case that would be written now: computed on a worker, the one before shown meanwhile.
 #[derive(Default)]
 pub struct Preview {
     shown: Option<(Key, Result<Shown, AppError>)>,
@@ -42,7 +42,7 @@ impl Preview {
             let area =
                 ScrollArea::vertical().id_salt("first page").max_height(height).min_scrolled_height(height);
             area.auto_shrink([false, false]).show(ui, |ui| match (&self.shown, &self.job) {
-                (Some((_, Ok((.., front)))), _) => page(ui, front),
+                (Some((_, Ok((_, front)))), _) => page(ui, front),
                 (Some((_, Err(error))), _) => {
                     ui.colored_label(ui.visuals().error_fg_color, error.to_string());
                 }
@@ -67,7 +67,7 @@ impl Preview {
         }
         let options = key.0;
         let known = match &self.shown {
-            Some((_, Ok((identity, found, _)))) if *identity == options.identity => Some(found.clone()),
+            Some(((of, _), Ok((found, _)))) if of.identity == options.identity => Some(found.clone()),
             _ => None,
         };
         let (case, doc) = (case.clone(), doc.clone());
@@ -78,7 +78,7 @@ impl Preview {
                 None => Arc::new(Found::of(&shown.case, &shown.doc, None, progress)?),
             };
             let front = found.preview(&shown.case, &shown.doc, options);
-            Ok((options.identity, found, front))
+            Ok((found, front))
         });
         self.job = Some((key, job));
     }

@@ -335,6 +335,26 @@ fn a_report_is_read_before_it_is_signed_and_written_beside_the_case() {
     harness.get_by_label("Write report-3.pdf");
 }
 
+/// A case may be opened while the dialog is, by a file dropped on the window: page and folder are those of the patient before.
+#[test]
+fn the_report_dialog_closes_with_its_case() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut harness = two_scans(&folder);
+    choose(&mut harness, "Criteria", "RANO 2010");
+    wait_for_workers(&mut harness);
+    issue(&mut harness, AppCommand::ShowReport);
+    wait_for(&mut harness, "Lesions that the calls rest on");
+    perform(&mut harness, AppCommand::Open(CaseRef::Sample));
+    click(&mut harness, "Discard");
+    wait_for_workers(&mut harness);
+    harness.run_ok();
+    assert_eq!(doc(&harness).case, CaseRef::Sample);
+    assert!(harness.query_by_label("What its first page says").is_none());
+    issue(&mut harness, AppCommand::ShowReport);
+    wait_for(&mut harness, "T1c, FLAIR, PET");
+    assert!(harness.query_by_label("Lesions that the calls rest on").is_none());
+}
+
 /// A reader arranges the panes once for a stack of cases; with one date other panes matter.
 #[test]
 fn the_next_case_of_several_dates_keeps_the_layout() {

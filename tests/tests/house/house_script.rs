@@ -260,6 +260,22 @@ fn every_check_runs_and_output_of_failed_ones_is_repeated_at_the_end() -> Outcom
 }
 
 #[test]
+fn what_failed_is_said_last() -> Outcome {
+    let machine = Machine::bare()?;
+    let log = machine.folder.path().join("log");
+    let text = "test a::good ... ok\ntest a::bad ... FAILED\n\nsuccesses:\n\n---- a::good stdout ----\nfine\n\n\
+                failures:\n\n---- a::bad stdout ----\nthread 'a::bad' panicked at a.rs:1:1:\nfound 3, expected 4\n\n\
+                failures:\n    a::bad\n\n\
+                test result: FAILED. 1 passed; 1 failed; 0 ignored; 0 measured; 0 filtered out\n";
+    glioscope_core::files::write_whole(&log, text.as_bytes())?;
+    let output = machine.bash(&format!("summarise_tests '{}'", log.display()))?;
+    let said = lines(&output.stdout);
+    let last = ["1 passed, 1 failed", "", "FAILED: a::bad", "thread 'a::bad' panicked at a.rs:1:1:", "found 3, expected 4"];
+    assert_eq!(said[said.len() - last.len()..], last);
+    Ok(())
+}
+
+#[test]
 fn test_counts_are_summed_and_each_skip_is_listed_once() -> Outcome {
     let machine = Machine::bare()?;
     let log = machine.folder.path().join("log");

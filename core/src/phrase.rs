@@ -102,12 +102,7 @@ struct English;
 
 impl Say for English {
     fn template(&self, template: &Template, values: &[(&str, String)]) -> String {
-        let mut text = String::new();
-        for (is_place, piece) in pieces(template.english) {
-            let value = values.iter().find(|(name, _)| is_place && *name == piece);
-            text += value.map_or(piece, |(_, value)| value);
-        }
-        text
+        template.in_english(values)
     }
 }
 
@@ -123,6 +118,16 @@ impl Template {
     /// It with values.
     pub fn with<const N: usize>(&'static self, values: [(&'static str, Value); N]) -> Phrase {
         Phrase { template: self, values: values.into() }
+    }
+
+    /// Its English text with values in words.
+    pub fn in_english(&self, values: &[(&str, String)]) -> String {
+        let mut text = String::new();
+        for (is_place, piece) in pieces(self.english) {
+            let value = values.iter().find(|(name, _)| is_place && *name == piece);
+            text += value.map_or(piece, |(_, value)| value);
+        }
+        text
     }
 
     /// Its name as a key: `sum-gone` of `SUM_GONE`.

@@ -11,6 +11,7 @@ use glioscope_cohort::hidden_order;
 use glioscope_core::{
     case::{self, Case, LoadOptions, Proposal},
     files::{Inputs, absolute},
+    response::Criterion,
 };
 
 use glioscope_render::MaskColors;
@@ -106,6 +107,8 @@ pub struct Workstation {
     pub options: LoadOptions,
     /// The size of exported pictures.
     pub picture_size: PictureSize,
+    /// The criteria of the report that was written last: those of a case that is opened next.
+    pub usual_criterion: Option<Criterion>,
     /// The last error, until dismissed.
     pub error: Option<AppError>,
     /// The last completed action, for the status line.
@@ -514,11 +517,13 @@ impl Workstation {
                     let alignments = self.doc.as_ref().map(|doc| doc.edit.alignments.clone());
                     (std::mem::take(&mut self.history), self.saved.take(), alignments)
                 });
-                let opens_anew = opened.document.is_none() && self.doc.is_none();
+                let is_new = opened.document.is_none();
+                let had_dates = self.doc.as_ref().map(|_| self.world.time_point_count() > 1);
                 self.install_opened(opened);
-                if let (true, Some(case), Some(doc)) = (opens_anew, self.world.case(), &mut self.doc)
-                    && doc.fuse_at_opening(case)
-                {
+                if let (true, Some(case), Some(doc)) = (is_new, self.world.case(), &mut self.doc) {
+                    // Panes that were arranged for the case before stay.
+                    let arranges = had_dates != Some(case.time_points.len() > 1);
+                    doc.open_for_reading(case, self.usual_criterion, arranges);
                     self.saved = Some(Box::new(doc.edit.clone()));
                 }
                 if let (true, Some(before), Some(case), Some(doc)) =

@@ -12,8 +12,9 @@ use egui_tiles::Tree;
 use glam::{DVec2, DVec3};
 use glioscope_core::{
     Grid,
-    case::{Alignment, Case, CaseGridChoice, LoadOptions, TimePoint},
+    case::{Alignment, Case, CaseGridChoice, LoadOptions, OrderBasis, TimePoint},
     optics::{Camera, Projection},
+    response::Criterion,
 };
 use glioscope_render::{
     ClipPlane, Coloring, Lens, Palette, TransferFunction,
@@ -445,14 +446,39 @@ impl Document {
         }
     }
 
-    /// Shows PET over the first image where the case opens with the panes for that; whether it does.
-    pub fn fuse_at_opening(&mut self, case: &Case) -> bool {
-        let opens_fused = layout::opening_task(Held::of(case)) == Some(Task::Fusion);
-        if let ([only], true) = (&case.time_points[..], opens_fused) {
+    /// Makes an initial document one to be read: at the last date, if dates have an order; with PET over the first image, where
+    /// the panes are for that; with `usual` criteria, where several dates are judged. `arranges`: with the panes for these.
+    pub fn open_for_reading(&mut self, case: &Case, usual: Option<Criterion>, arranges: bool) {
+        if let Some((time, current)) = current_date(case) {
+            let Self { edit: Edit { lens, lens_on, .. }, nav, .. } =
+                Self::new(self.case.clone(), current, case.time_points.len());
+            (self.edit.lens, self.edit.lens_on) = (lens, lens_on);
+            self.nav = Navigation { time, ..nav };
+        }
+        if !arranges {
+            self.judge_by(case, usual);
+            return;
+        }
+        let held = Held::of(case);
+        if let ([only], Some(Task::Fusion)) = (&case.time_points[..], layout::opening_task(held)) {
             let second = second_of(only, self.nav.context.as_deref());
             self.edit.fusion = self.edit.fusion.showing(second, false);
         }
-        opens_fused
+        if self.judge_by(case, usual) {
+            self.edit.layout = Task::Response.layout(held);
+        }
+    }
+
+    /// Chooses criteria where several dates with masks have an order; whether it does.
+    fn judge_by(&mut self, case: &Case, criterion: Option<Criterion>) -> bool {
+        let with_masks = case.time_points.iter().filter(|time| !time.masks.is_empty()).count();
+        if criterion.is_none() || with_masks < 2 || case.order == OrderBasis::Unknown {
+            return false;
+        }
+        self.edit.response.set_criterion(criterion);
+        let mask = self.edit.lesions.mask(case, &self.edit.change);
+        self.edit.response.propose_baseline(case, mask.as_deref());
+        true
     }
 
     /// Keeps a view for the report.
@@ -501,6 +527,13 @@ impl Document {
     pub fn active_lens(&self) -> Option<Lens> {
         self.edit.lens_on.then_some(self.edit.lens)
     }
+}
+
+/// The last of several dates in order, if it has a mask: the one that a reader is asked about.
+fn current_date(case: &Case) -> Option<(usize, &TimePoint)> {
+    let (time, last) = case.time_points.iter().enumerate().next_back()?;
+    let is_read = time > 0 && case.order != OrderBasis::Unknown && last.regions.union_voxels() > 0;
+    is_read.then_some((time, last))
 }
 
 #[cfg(test)]

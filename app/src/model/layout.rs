@@ -41,8 +41,8 @@ impl Held {
     }
 }
 
-/// The panes that a case opens with: of one date with PET and another image, and at most one mask, *PET and MR*; without a mask *Read*; else
-/// [`default_layout`].
+/// The panes that a case opens with: of one date with PET and another image, and at most one mask, *PET and MR*; without a mask *Read*; of
+/// several dates with images and one mask *Follow-up*; else [`default_layout`].
 pub fn opening(held: Held) -> Tree<PaneId> {
     opening_task(held).map_or_else(|| default_layout(held), |task| task.layout(held))
 }
@@ -50,6 +50,7 @@ pub fn opening(held: Held) -> Tree<PaneId> {
 /// The task that a case is opened for; `None`: the default.
 pub fn opening_task(held: Held) -> Option<Task> {
     match held {
+        Held { dates: 2.., images: 1.., masks: 1, .. } => Some(Task::FollowUp),
         Held { dates: 2.., .. } => None,
         Held { images: 1.., masks: 0, .. } => Some(Task::Read),
         Held { images: 2.., has_pet: true, masks: 1, .. } => Some(Task::Fusion),
@@ -344,7 +345,9 @@ mod tests {
         let pet = |dates, masks| Held { has_pet: true, ..held(dates, 2, masks) };
         assert_eq!(opening_task(pet(1, 1)), Some(Task::Fusion));
         assert_eq!(opening_task(Held { images: 1, ..pet(1, 1) }), None, "nothing lies under it");
-        assert_eq!([opening_task(pet(2, 1)), opening_task(pet(1, 3))], [None; 2]);
+        assert_eq!([opening_task(pet(2, 3)), opening_task(pet(1, 3))], [None; 2]);
+        assert_eq!([opening_task(pet(2, 1)), opening_task(held(2, 1, 1))], [Some(Task::FollowUp); 2]);
+        assert_eq!([opening_task(held(2, 0, 1)), opening_task(held(2, 1, 2))], [None; 2]);
         assert_eq!(opening_task(held(1, 1, 0)), Some(Task::Read));
         assert!(shows(held(2, 1, 1), P::Change) && !shows(held(1, 1, 1), P::Change));
     }

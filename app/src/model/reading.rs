@@ -25,8 +25,16 @@ pub struct Reading {
 impl Reading {
     /// Whether the conclusion repeats calls that were taken over and are none of `now`, the calls as they are, by language.
     pub fn repeats_old_calls(&self, now: &[Option<String>]) -> bool {
-        let is_there = !self.taken.is_empty() && self.conclusion.contains(&self.taken);
-        is_there && !now.iter().flatten().any(|calls| *calls == self.taken)
+        self.repeats_calls() && !now.iter().flatten().any(|calls| *calls == self.taken)
+    }
+
+    /// Whether it repeats the calls as they are, but not in the words of a report's language, which are `own`.
+    pub fn is_in_another_language(&self, now: &[Option<String>], own: Option<&str>) -> bool {
+        self.repeats_calls() && !self.repeats_old_calls(now) && own != Some(&self.taken)
+    }
+
+    fn repeats_calls(&self) -> bool {
+        !self.taken.is_empty() && self.conclusion.contains(&self.taken)
     }
 }
 
@@ -52,5 +60,11 @@ mod tests {
             assert!(!not.repeats_old_calls(&now), "{not:?}");
         }
         assert!(of("PD then.", "PD then.").repeats_old_calls(&[]), "there are none any more");
+        // In a German report calls in English are told, old ones by the other warning.
+        let own = Some("jetzt SD");
+        assert!(of("Seen. SD now", "SD now").is_in_another_language(&now, own));
+        for not in [of("jetzt SD", "jetzt SD"), of("PD then.", "PD then."), of("Own words", "SD now")] {
+            assert!(!not.is_in_another_language(&now, own), "{not:?}");
+        }
     }
 }

@@ -192,11 +192,14 @@ impl Content<'_> {
         blocks
     }
 
-    /// What the reader concludes, and who that is.
-    pub fn conclusion(&self) -> Vec<Block> {
+    /// What the reader concludes, and who that is; `is_beside`: without its text, which stands beside.
+    pub fn conclusion(&self, is_beside: bool) -> Vec<Block> {
         let Reading { conclusion, reader, day, taken: _ } = &self.doc.edit.reading;
         let lines = conclusion.lines().map(str::trim).filter(|line| !line.is_empty());
         let mut blocks: Vec<Block> = lines.map(|line| Block::Text(self.redactor.text(line))).collect();
+        if is_beside && !blocks.is_empty() {
+            blocks = vec![Block::Text(self.words.get("conclusion-beside"))];
+        }
         let is_named = !reader.trim().is_empty();
         if is_named || !blocks.is_empty() {
             let reader =

@@ -65,12 +65,12 @@ impl Found {
         Ok(Self { changes, own, compared, lesions, response, self_check })
     }
 
-    /// The first page of the report that `doc` gives, as text.
+    /// The first page of the report that `doc` gives, as text, to stand beside the conclusion.
     pub fn preview(&self, case: &Arc<Case>, doc: &Document, options: Options) -> Front {
         let words = sentences::words(options.language);
         let redactor = Redactor::new(case, options.identity, words.get("removed"));
         let content = self.content((case, doc), (&words, &redactor), options.identity);
-        self.front(&content, self.response.as_ref())
+        self.front(&content, self.response.as_ref(), true)
     }
 
     pub(super) fn content<'a>(
@@ -92,7 +92,8 @@ impl Found {
         }
     }
 
-    pub(super) fn front(&self, content: &Content<'_>, answered: Option<&Answered>) -> Front {
+    /// `is_beside`: its reader has the conclusion in front of him.
+    pub(super) fn front(&self, content: &Content<'_>, answered: Option<&Answered>, is_beside: bool) -> Front {
         let Content { case, doc, words, redactor, identity, .. } = *content;
         let is_named = identity == Identity::Full;
         let evaluated = answered.map(|answered| &answered.evaluated);
@@ -104,9 +105,19 @@ impl Found {
             Some(redactor.text(&calls))
         };
         // Sentences of a language are parsed only where some were taken over.
-        let repeats_old = !reading.taken.is_empty()
-            && reading.repeats_old_calls(&[Language::En, Language::De].map(in_words));
-        let old_calls: Vec<String> = repeats_old.then(|| words.get("conclusion-old")).into_iter().collect();
+        let repeated = (!reading.taken.is_empty()).then(|| {
+            let [en, de] = [Language::En, Language::De].map(in_words);
+            let own = match words.language() {
+                Language::En => en.clone(),
+                Language::De => de.clone(),
+            };
+            let now = [en, de];
+            let of_another_language = reading.is_in_another_language(&now, own.as_deref());
+            let is_old = reading.repeats_old_calls(&now);
+            [(is_old, "conclusion-old"), (of_another_language, "conclusion-other-language")]
+        });
+        let repeated = repeated.into_iter().flatten().filter(|(is_so, _)| *is_so);
+        let old_calls: Vec<String> = repeated.map(|(_, key)| words.get(key)).collect();
         let contradictions: Vec<String> =
             contradictions.iter().map(|phrase| sentences::phrase(phrase, words)).collect();
         let missing = evaluated.map_or(0, |evaluated| evaluated.response.missing_answers());
@@ -115,8 +126,11 @@ impl Found {
         // With a call, the first page is for it: why, of which lesions, and what the reader stated.
         let of_response = answered.map(|answered| {
             let evaluated = &answered.evaluated;
-            let mut of = responses::blocks(evaluated, content.lesions, words, redactor);
-            of.extend(targets::blocks(answered, words, redactor));
+            let of_two_scans = targets::of_two_scans(answered, words, redactor);
+            let others =
+                if of_two_scans.is_some() { Vec::new() } else { targets::blocks(answered, words, redactor) };
+            let mut of = responses::blocks(evaluated, content.lesions, of_two_scans, words, redactor);
+            of.extend(others);
             of.extend(stated::blocks(&evaluated.stated, words, redactor, is_named));
             of
         });
@@ -125,7 +139,7 @@ impl Found {
         let has_doubts = of_response.iter().flatten().any(is_doubt);
         let (warnings, notes) = content.findings(&self.own, &own_warnings, has_doubts);
         blocks.extend(warnings);
-        blocks.extend(content.conclusion());
+        blocks.extend(content.conclusion(is_beside));
         match of_response {
             Some(of_response) => blocks.extend(of_response),
             None => blocks.extend(content.summary(true)),

@@ -168,7 +168,7 @@ pub fn make(
         response: response.map(|(_, recipe)| recipe.clone()),
         session: session::value(doc, case, is_named)?,
     };
-    let Front { title, mut blocks, notes } = found.front(&content, answered);
+    let Front { title, mut blocks, notes } = found.front(&content, answered, false);
     if form.has_pictures() {
         blocks.push(Block::Heading(words.get("section-pictures")));
         blocks.extend(pictures(case, &pictured(case, doc, answered), &content, painter, progress)?);

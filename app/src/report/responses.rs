@@ -5,16 +5,17 @@ use std::collections::BTreeMap;
 use glioscope_core::{
     case::Case,
     lesions::{LesionsReport, new_lesions},
+    phrase::Phrase,
     response::{
-        BtRads, BtRadsCategory, Call, DateResponse, Evaluated, Fact, Judgement, SumReport, bt_rads as form,
-        bt_rads_answered, unstated_new,
+        BtRads, BtRadsCategory, Call, DateResponse, Evaluated, Fact, Judgement, Response, SumReport,
+        bt_rads as form, bt_rads_answered, unstated_new,
     },
 };
 
 use super::{
     document::{Block, Finding, Table},
     identity::Redactor,
-    sentences::phrase,
+    sentences::{beside_sums, phrase},
     stated::by as said_by,
 };
 use crate::{
@@ -22,15 +23,63 @@ use crate::{
     words::{Language, Words},
 };
 
-/// The calls at all dates, and why at the last: for the front.
+/// The calls at all dates, and why at the last: for the front. `of_two_scans`: the table that has the calls and the sums, in place of one of
+/// the calls alone.
 pub fn blocks(
     evaluated: &Evaluated,
     lesions: Option<&LesionsReport>,
+    of_two_scans: Option<Table>,
     words: &Words,
     redactor: &Redactor,
 ) -> Vec<Block> {
     let Evaluated { response, proposed_links, .. } = evaluated;
     let criteria = ("criteria", response.criterion.name().to_owned());
+    let has_sums = of_two_scans.is_some();
+    let mut table = of_two_scans.unwrap_or_else(|| calls(response, words));
+    let mut notes = vec![words.get("response-caution")];
+    if !has_sums {
+        notes.push(words.get("sums-of-targets"));
+    }
+    if evaluated.stated.baseline.as_ref().is_none_or(Fact::is_proposed) {
+        // What the reader states stands below.
+        notes.extend(response.dates.iter().filter_map(|date| how_baseline_was_chosen(date, words)));
+    }
+    notes.extend(table.note.take());
+    table.note = Some(notes.join(" "));
+    let mut blocks = vec![
+        Block::Heading(words.with("section-response", std::slice::from_ref(&criteria))),
+        Block::Table(table),
+    ];
+    let warning = |text: String| Finding { is_warning: true, text };
+    // What contradicts the masks stands in front of the report, just above.
+    let mut doubts: Vec<Finding> = Vec::new();
+    let unstated = lesions.map(|report| unstated_new(report, &evaluated.stated)).unwrap_or_default();
+    for date in unstated {
+        doubts.push(warning(words.with("new-unstated", &[("date", date.to_owned())])));
+    }
+    if *proposed_links > 0 {
+        doubts.push(warning(words.with("lesions-links", &[("count", proposed_links.to_string())])));
+    }
+    if let Some(date) = response.dates.last() {
+        let ([of_diameters, of_volume], mut missing) = why(date, has_sums, words, redactor);
+        // The calls themselves stand in the table above.
+        let named = [("by-diameters", of_diameters), ("by-volume", of_volume)];
+        let facts = named.into_iter().filter(|(_, reasons)| !reasons.is_empty());
+        let facts: Vec<_> = facts.map(|(key, reasons)| (words.get(key), reasons.join("; "))).collect();
+        if !facts.is_empty() {
+            blocks.push(Block::Text(words.with("reasons-at", &[("date", date.date.clone())])));
+            blocks.push(Block::Facts(facts));
+        }
+        doubts.append(&mut missing);
+    }
+    if !doubts.is_empty() {
+        blocks.push(Block::Findings(doubts));
+    }
+    blocks
+}
+
+/// The calls at all dates with the changes of the sums.
+fn calls(response: &Response, words: &Words) -> Table {
     let row = |date: &DateResponse| {
         let ways = [&date.by_diameters, &date.by_volume];
         // Of mixed disease each compartment has a sum, in the order of the tables of targets.
@@ -53,46 +102,12 @@ pub fn blocks(
     let rows = rows.into_iter().map(|(said, changes)| {
         said.chain(changes.into_iter().flat_map(|of| of.into_iter().take(shown))).collect()
     });
-    let mut notes = vec![words.get("response-caution")];
-    if evaluated.stated.baseline.as_ref().is_none_or(Fact::is_proposed) {
-        // What the reader states stands below.
-        notes.extend(response.dates.iter().filter_map(|date| how_baseline_was_chosen(date, words)));
+    Table {
+        head: head.map(|key| words.get(key)).collect(),
+        text_columns: 3,
+        rows: rows.collect(),
+        note: None,
     }
-    let mut blocks = vec![
-        Block::Heading(words.with("section-response", std::slice::from_ref(&criteria))),
-        Block::Table(Table {
-            head: head.map(|key| words.get(key)).collect(),
-            text_columns: 3,
-            rows: rows.collect(),
-            note: Some(notes.join(" ")),
-        }),
-    ];
-    let warning = |text: String| Finding { is_warning: true, text };
-    // What contradicts the masks stands in front of the report, just above.
-    let mut doubts: Vec<Finding> = Vec::new();
-    let unstated = lesions.map(|report| unstated_new(report, &evaluated.stated)).unwrap_or_default();
-    for date in unstated {
-        doubts.push(warning(words.with("new-unstated", &[("date", date.to_owned())])));
-    }
-    if *proposed_links > 0 {
-        doubts.push(warning(words.with("lesions-links", &[("count", proposed_links.to_string())])));
-    }
-    if let Some(date) = response.dates.last() {
-        let ([of_diameters, of_volume], mut missing) = why(date, words, redactor);
-        // The calls themselves stand in the table above.
-        let named = [("by-diameters", of_diameters), ("by-volume", of_volume)];
-        let facts = named.into_iter().filter(|(_, reasons)| !reasons.is_empty());
-        let facts: Vec<_> = facts.map(|(key, reasons)| (words.get(key), reasons.join("; "))).collect();
-        if !facts.is_empty() {
-            blocks.push(Block::Text(words.with("reasons-at", &[("date", date.date.clone())])));
-            blocks.push(Block::Facts(facts));
-        }
-        doubts.append(&mut missing);
-    }
-    if !doubts.is_empty() {
-        blocks.push(Block::Findings(doubts));
-    }
-    blocks
 }
 
 /// Why a date is the baseline, as a sentence; `None` where it isn't.
@@ -116,9 +131,16 @@ pub fn earlier(evaluated: &Evaluated, words: &Words, redactor: &Redactor) -> Vec
 }
 
 /// Why a date's calls are as they are, by diameters, and by volume what isn't said of diameters; and what is doubtful or missing.
-fn why(date: &DateResponse, words: &Words, redactor: &Redactor) -> ([Vec<String>; 2], Vec<Finding>) {
+/// `has_sums`: beside their sums.
+fn why(
+    date: &DateResponse,
+    has_sums: bool,
+    words: &Words,
+    redactor: &Redactor,
+) -> ([Vec<String>; 2], Vec<Finding>) {
+    let say = if has_sums { beside_sums } else { phrase };
     let [diameters, volume] =
-        [&date.by_diameters, &date.by_volume].map(|judgement| reasons(judgement, words));
+        [&date.by_diameters, &date.by_volume].map(|judgement| reasons(judgement, say, words));
     let is_doubt = |(is_warning, _): &&(bool, String)| *is_warning;
     let text = |(_, text): &(bool, String)| redactor.text(text.trim_end_matches('.'));
     let others: Vec<(bool, String)> =
@@ -142,7 +164,7 @@ fn why(date: &DateResponse, words: &Words, redactor: &Redactor) -> ([Vec<String>
 /// Why a date's calls are as they are, each with its date; with the way of measuring where it is true of one alone.
 fn findings(date: &DateResponse, words: &Words, redactor: &Redactor) -> Vec<Finding> {
     let [diameters, volume] =
-        [&date.by_diameters, &date.by_volume].map(|judgement| reasons(judgement, words));
+        [&date.by_diameters, &date.by_volume].map(|judgement| reasons(judgement, phrase, words));
     let of_diameters = diameters.iter().map(|reason| {
         let key = if volume.contains(reason) { "reason-of-date" } else { "reason-by-diameters" };
         (key, reason)
@@ -246,15 +268,15 @@ fn category_words(
     format!("{}: {meaning}. {}", category.id, answered.collect::<Vec<_>>().join("; "))
 }
 
-fn call(judgement: &Judgement, words: &Words) -> String {
+pub(super) fn call(judgement: &Judgement, words: &Words) -> String {
     let call = words.get(&format!("call-{}", judgement.call.short().replace([' ', ','], "-")));
     if judgement.imaging_only { format!("{call} ({})", words.get("imaging-only")) } else { call }
 }
 
 /// Why the call is as it is, and what is missing for another: the latter as warnings.
-fn reasons(judgement: &Judgement, words: &Words) -> Vec<(bool, String)> {
+fn reasons(judgement: &Judgement, say: fn(&Phrase, &Words) -> String, words: &Words) -> Vec<(bool, String)> {
     let mut out: Vec<(bool, String)> =
-        judgement.reasons.iter().map(|reason| (false, phrase(&reason.phrase, words))).collect();
+        judgement.reasons.iter().map(|reason| (false, say(&reason.phrase, words))).collect();
     let confirmation = judgement.confirmation.iter();
     out.extend(confirmation.map(|confirmation| (false, phrase(&confirmation.phrase, words))));
     for sum in &judgement.sums {

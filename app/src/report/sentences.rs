@@ -23,16 +23,42 @@ fn source(language: Language) -> &'static str {
     }
 }
 
-/// Says phrases by the sentences of a language other than English.
-struct Spoken<'a>(&'a Words);
+/// Says phrases by the sentences of a language.
+struct Spoken<'a> {
+    words: &'a Words,
+    /// Without the sums, which stand beside it.
+    beside_sums: bool,
+}
+
+impl Spoken<'_> {
+    /// The sentence that is said beside the sums, where there is another.
+    fn beside_sums(&self, template: &Template, values: &[(&str, String)]) -> Option<String> {
+        let key = format!("beside-sums-{}", template.key());
+        if !self.beside_sums || !self.words.has(&key) {
+            return None;
+        }
+        let said = self.words.with(&key, values);
+        let said = said.trim_start_matches(", ");
+        (!said.is_empty()).then(|| said.to_owned())
+    }
+}
 
 impl Say for Spoken<'_> {
     fn template(&self, template: &Template, values: &[(&str, String)]) -> String {
-        self.0.with(&key(template), values)
+        if let Some(said) = self.beside_sums(template, values) {
+            return said;
+        }
+        match self.words.language() {
+            Language::En => template.in_english(values),
+            Language::De => self.words.with(&key(template), values),
+        }
     }
 
     fn number(&self, english: &str) -> String {
-        self.0.number(english).replace('-', "\u{2212}")
+        match self.words.language() {
+            Language::En => english.to_owned(),
+            Language::De => self.words.number(english).replace('-', "\u{2212}"),
+        }
     }
 }
 
@@ -43,10 +69,12 @@ fn key(template: &Template) -> String {
 
 /// A phrase of core in the language of `words`.
 pub fn phrase(phrase: &Phrase, words: &Words) -> String {
-    match words.language() {
-        Language::En => phrase.to_string(),
-        Language::De => phrase.say(&Spoken(words)),
-    }
+    phrase.say(&Spoken { words, beside_sums: false })
+}
+
+/// As [`phrase`], of a reason that stands below the sums it rests on.
+pub fn beside_sums(phrase: &Phrase, words: &Words) -> String {
+    phrase.say(&Spoken { words, beside_sums: true })
 }
 
 /// A finding in the language of `words`: what its code means, with its particulars in parentheses, which are English.

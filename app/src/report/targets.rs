@@ -2,13 +2,13 @@
 
 use glioscope_core::{
     lesions::{LesionDate, LesionReport, LesionsReport, new_lesions},
-    response::{Measurement, Quantity, SumReport, name_of},
+    response::{DateResponse, Judgement, Measurement, Quantity, SumReport, name_of},
 };
 
 use super::{
     document::{Block, Table},
     identity::Redactor,
-    responses::signed,
+    responses::{call, signed},
 };
 use crate::{words::Words, world::response::Answered};
 
@@ -22,7 +22,7 @@ pub fn blocks(answered: &Answered, words: &Words, redactor: &Redactor) -> Vec<Bl
         let own = lesions.iter().find(|(compartment, _)| *compartment == sum.compartment);
         let lesions = own.map(|(_, report)| report.as_ref());
         let by_hand = &evaluated.stated.measurement;
-        let of = Targets { lesions, by_hand, words, redactor, dates };
+        let of = Targets { lesions, by_hand, words, redactor, dates, with_products: true };
         let by_volume = last.by_volume.sums.iter().find(|by_volume| by_volume.compartment == sum.compartment);
         Some(Block::Table(of.table(sum, by_volume)))
     });
@@ -33,6 +33,51 @@ pub fn blocks(answered: &Answered, words: &Words, redactor: &Redactor) -> Vec<Bl
     std::iter::once(Block::Heading(words.get("section-targets"))).chain(tables).collect()
 }
 
+/// Calls, lesions and sums of two scans in one table, of which the first is the baseline: `None` where the last isn't compared with that alone,
+/// or compartments have sums of their own.
+pub fn of_two_scans(answered: &Answered, words: &Words, redactor: &Redactor) -> Option<Table> {
+    let Answered { evaluated, lesions } = answered;
+    let [first, last] = evaluated.response.dates.as_slice() else { return None };
+    let ([sum], [by_volume]) = (&last.by_diameters.sums[..], &last.by_volume.sums[..]) else { return None };
+    let is_of_first = |sum: &SumReport| {
+        sum.baseline.as_ref().is_some_and(|baseline| baseline.date == first.date)
+            && sum.change_from_baseline_percent == sum.change_from_nadir_percent
+    };
+    if !is_of_first(sum) || !is_of_first(by_volume) {
+        return None;
+    }
+    let own = lesions.iter().find(|(compartment, _)| *compartment == sum.compartment);
+    let of = Targets {
+        lesions: own.map(|(_, report)| report.as_ref()),
+        by_hand: &evaluated.stated.measurement,
+        words,
+        redactor,
+        dates: [&first.date, &last.date],
+        // Of one target it is the sum.
+        with_products: sum.lesions.iter().filter(|lesion| lesion.target).count() > 1,
+    };
+    let Table { rows: sizes, note, .. } = of.table(sum, Some(by_volume));
+    let calls = |of: fn(&DateResponse) -> &Judgement| [first, last].map(|date| call(of(date), words));
+    let ways = [calls(|date| &date.by_diameters), calls(|date| &date.by_volume)];
+    let row = |key: &str, [before, now]: [String; 2]| vec![words.get(key), before, now, String::new()];
+    let [by_diameters, by_volume] = ways;
+    let mut rows = match by_diameters == by_volume {
+        true => vec![row("by-both", by_diameters)],
+        false => vec![row("by-diameters", by_diameters), row("by-volume", by_volume)],
+    };
+    rows.extend(sizes.into_iter().map(|row| {
+        let mut cells = row.into_iter();
+        let (name, role) = (cells.next().unwrap_or_default(), cells.next().unwrap_or_default());
+        let name = match role.is_empty() {
+            true => name,
+            false => words.with("lesion-as", &[("lesion", name), ("role", role)]),
+        };
+        std::iter::once(name).chain(cells).collect()
+    }));
+    let head = [words.get("date"), first.date.clone(), last.date.clone(), words.get("lesion-change")];
+    Some(Table { head: head.into(), text_columns: 1, rows, note })
+}
+
 struct Targets<'a> {
     /// Those of the compartment.
     lesions: Option<&'a LesionsReport>,
@@ -41,6 +86,8 @@ struct Targets<'a> {
     redactor: &'a Redactor,
     /// The baseline and the last date.
     dates: [&'a str; 2],
+    /// Whether the product of its diameters stands beside them.
+    with_products: bool,
 }
 
 impl Targets<'_> {
@@ -126,7 +173,7 @@ impl Targets<'_> {
         };
         match quantity {
             Quantity::LongestMm => words.number(&format!("{d1:.1} mm")),
-            _ => words.number(&format!("{d1:.2} × {d2:.2} mm, {product:.1} mm²")),
+            _ => self.diameters(d1, d2, product),
         }
     }
 
@@ -139,11 +186,16 @@ impl Targets<'_> {
         match (quantity, measured.longest_mm, measured.perpendicular_mm, measured.product()) {
             (Quantity::LongestMm, Some(longest), ..) => words.number(&format!("{longest:.1} mm")),
             (_, Some(longest), Some(perpendicular), Some(product)) => {
-                words.number(&format!("{longest:.2} × {perpendicular:.2} mm, {product:.1} mm²"))
+                self.diameters(longest, perpendicular, product)
             }
             (_, _, _, Some(product)) => words.number(&format!("{product:.1} mm²")),
             _ => words.get("unknown"),
         }
+    }
+
+    fn diameters(&self, longest_mm: f64, perpendicular_mm: f64, product_mm2: f64) -> String {
+        let product = if self.with_products { format!(", {product_mm2:.1} mm²") } else { String::new() };
+        self.words.number(&format!("{longest_mm:.2} × {perpendicular_mm:.2} mm{product}"))
     }
 
     fn sum(&self, value: f64, quantity: Quantity) -> String {

@@ -1,13 +1,14 @@
 //! The dialog of a case's files: what each is, its id, date, labels, name and colour.
 
 use egui::{
-    Align, Button, Checkbox, ComboBox, Label, Layout, Role as Kind, ScrollArea, TextEdit, Ui, WidgetInfo,
+    Align, Button, Checkbox, ComboBox, Id, Label, Layout, Role as Kind, ScrollArea, TextEdit, Ui, WidgetInfo,
     vec2,
 };
 use glioscope_core::case::{Problem, Proposal, ProposedFile, ProposedMask, Role, Scheme};
 use glioscope_render::{MaskColors, Palette};
 
 use super::{
+    case_dates,
     modal::{self, Reply},
     thumbnails::Thumbnails,
 };
@@ -48,8 +49,27 @@ pub fn show(ui: &Ui, work: &mut Workstation, thumbnails: &mut Thumbnails, covere
         return;
     }
     let problems = guess.proposal.problems();
+    // Asked about once the files are shown, they stay shown: a change may make them plain again.
+    let (shown, key) = (Id::unique("files shown of"), guess.proposal.key.clone());
+    let is_whole = guess.request.edits
+        || ui.data(|data| data.get_temp::<String>(shown)).is_some_and(|of| of == key)
+        || !case_dates::suffices(&guess.proposal);
+    if is_whole {
+        ui.data_mut(|data| data.insert_temp(shown, key.clone()));
+    }
     let mut entered = false;
     let reply = modal::show(ui.ctx(), "The case's files", |ui| {
+        if !is_whole {
+            ui.label("By the names of the files. Is this right?");
+            ui.add_space(6.0);
+            case_dates::show(ui, &guess.proposal);
+            ui.add_space(6.0);
+            let (reply, changes) = dates_buttons(ui);
+            if changes {
+                ui.data_mut(|data| data.insert_temp(shown, key.clone()));
+            }
+            return reply;
+        }
         ui.set_width(COLUMNS.iter().sum::<f32>() + 8.0 * ui.spacing().item_spacing.x);
         let is_study = guess.proposal.files.iter().any(|file| file.series.is_some());
         ui.label(if guess.request.edits {
@@ -93,6 +113,24 @@ pub fn show(ui: &Ui, work: &mut Workstation, thumbnails: &mut Thumbnails, covere
             }
         }
     }
+}
+
+/// The buttons below the dates; with the reply, whether the files are to be shown.
+fn dates_buttons(ui: &mut Ui) -> (Reply, bool) {
+    let (mut reply, mut changes) = (Reply::None, false);
+    ui.horizontal(|ui| {
+        if ui.button(Command::from(AppCommand::AcceptGuess(true)).text()).clicked() {
+            reply = Reply::Accept;
+        }
+        let tip = "Roles, ids, dates, labels, names and colours, file by file; and a manifest of them";
+        if ui.button("Change…").on_hover_text(tip).clicked() {
+            changes = true;
+        }
+        if ui.button("Cancel").clicked() {
+            reply = Reply::Cancel;
+        }
+    });
+    (reply, changes)
 }
 
 fn buttons(ui: &mut Ui, guess: &Guess, problems: &[Problem], out: &mut Commands) -> Reply {

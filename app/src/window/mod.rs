@@ -3,6 +3,7 @@
 pub mod about;
 mod align;
 pub mod autosave;
+mod case_dates;
 mod case_files;
 mod cohort;
 pub mod dialogs;
@@ -174,6 +175,7 @@ impl GlioscopeApp {
     ) -> Result<Self, RenderError> {
         let preferences = Preferences::in_folder(recent.folder());
         work.picture_size = preferences.get().pictures;
+        work.usual_criterion = preferences.get().criterion;
         work.answers = Answers::in_folder(recent.folder());
         let panes = graphics.as_ref().map_or_else(|| Ok(Panes::default()), Panes::on)?;
         Ok(Self {

@@ -175,7 +175,14 @@ impl GlioscopeApp {
                     Some(report::FileKind::Pages(report::Form::Html)) => remembered.report_pdf = false,
                     _ => {}
                 }
-                let reader = self.work.doc.as_ref().map(|doc| doc.edit.reading.reader.clone());
+                let edit = self.work.doc.as_ref().map(|doc| &doc.edit);
+                // A report without several dates says nothing about criteria.
+                if self.work.world.time_point_count() > 1 {
+                    let history = edit.and_then(|edit| edit.response.history.as_ref());
+                    remembered.criterion = history.map(|history| history.criterion);
+                    self.work.usual_criterion = remembered.criterion;
+                }
+                let reader = edit.map(|edit| edit.reading.reader.clone());
                 self.preferences.remember_reader(&reader.unwrap_or_default());
                 self.preferences.save();
                 self.write_report(ctx, *options, path);

@@ -8,6 +8,7 @@ use std::{
 };
 
 use egui_tiles::Tree;
+use glioscope_core::response::Criterion;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -50,6 +51,8 @@ pub struct Remembered {
     pub report_language: Language,
     /// Whether that report was a PDF, else HTML.
     pub report_pdf: bool,
+    /// The criteria of the last report of several dates; `None`: it had none.
+    pub criterion: Option<Criterion>,
     /// The language in which something was explained last.
     pub explain_language: Language,
     /// Points per millimetre of the screen, as the user fitted them to a bank card.
@@ -152,6 +155,7 @@ mod tests {
             reader: "Dr. Reader".into(),
             report_language: Language::De,
             report_pdf: true,
+            criterion: Some(Criterion::Rano20),
             explain_language: Language::De,
             points_per_mm: Some(4.5),
         };

@@ -47,10 +47,13 @@ impl<T> Fact<T> {
         self.author.as_deref() == Some(PROGRAM)
     }
 
-    /// Who stated it, for the end of a reason: `(A. B., 2024-05-01)`.
+    /// Who stated it, for the end of a reason: `(A. B., 2024-05-01)`; a day alone isn't to be read as that of what was stated.
     pub(super) fn by(&self) -> Option<Phrase> {
         if self.author.as_deref() == Some(MASKS) && self.entered.is_none() {
             return Some(say::BY_THE_MASKS.into());
+        }
+        if let (None, Some(day)) = (&self.author, &self.entered) {
+            return Some(say::BY_NOBODY_ON.with([("day", Value::Text(day.clone()))]));
         }
         let parts: Vec<&str> =
             [&self.author, &self.entered].into_iter().flatten().map(String::as_str).collect();

@@ -6,6 +6,7 @@ use crate::phrase::templates;
 templates! {
     // Who stated a fact, at the end of what it says.
     BY = "({who})";
+    BY_NOBODY_ON = "(stated {day})";
     BY_THE_MASKS = "(the masks)";
     UNKNOWN = "unknown";
     DAY = "day {day}";

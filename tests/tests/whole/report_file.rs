@@ -196,7 +196,7 @@ fn a_response_begins_with_what_a_referring_physician_reads() {
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
     let page = words(&report(&arguments, &at("report.html")));
     let place = |what: &str| page.rfind(what).unwrap_or_else(|| panic!("{what}: {page}"));
-    let order = ["Response by RANO 2010</h2>", "Why, 2024-03-01:", "Lesions that the calls rest on</h2>"];
+    let order = ["Response by RANO 2010</h2>", ">Sum of targets<", "Why, 2024-03-01:"];
     let order = [&order[..], &["Stated by the reader</h2>", "Pictures</h2>", "Lesions of T</h2>"]].concat();
     assert!(order.is_sorted_by_key(|what| place(what)), "{page}");
     // The new lesion has its own slice, and no slice is shown twice.

@@ -90,6 +90,65 @@ fn sample_window() -> Window {
     harness
 }
 
+/// An image and a mask of each of two dates.
+fn two_dates(folder: &Path) -> PathBuf {
+    let case = folder.join("case");
+    for (date, width) in [("2024-01-01", 4), ("2024-03-01", 6)] {
+        image(&case.join(date).join("t1c.nii.gz"));
+        mask(&case.join(date).join("seg.nii.gz"), width);
+    }
+    case
+}
+
+#[test]
+fn dates_are_asked_about_in_a_few_lines_and_the_current_one_is_in_front() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = two_dates(folder.path());
+    let mut harness = sample_window();
+    let has_files = |harness: &Window| harness.query_by_label("What 2024-01-01/seg.nii.gz is").is_some();
+    open(&mut harness, CaseRef::Path(path.clone()));
+    assert!(is_asked(&harness) && !has_files(&harness));
+    for (label, count) in [("2024-01-01", 1), ("2024-03-01", 1), ("t1c", 2), ("seg", 2)] {
+        assert_eq!(harness.query_all_by_label(label).count(), count, "{label}");
+    }
+    click(&mut harness, "Change…");
+    assert!(has_files(&harness));
+    // What was opened stays open, whatever becomes of the files.
+    choose(&mut harness, "2024-01-01/seg.nii.gz", "left out");
+    choose(&mut harness, "2024-01-01/seg.nii.gz", "mask");
+    assert!(has_files(&harness));
+    press(&mut harness, Key::Enter);
+    assert_eq!(error_text(&harness), "");
+    assert_eq!(case(&harness).time_labels(), ["2024-01-01", "2024-03-01"]);
+    assert_eq!(doc(&harness).nav.time, 1, "the current date");
+    let layout = &doc(&harness).edit.layout;
+    let front = layout.active_tiles();
+    for pane in [PaneId::Change, PaneId::SideBySide, PaneId::Axial] {
+        assert!(layout.tiles.find_pane(&pane).is_some_and(|tile| front.contains(&tile)), "{pane:?}");
+    }
+    assert!(!harness.state().work.has_unsaved_work());
+}
+
+#[test]
+fn dates_with_something_doubtful_are_asked_about_file_by_file() {
+    let has_files = |write: &dyn Fn(&Path)| {
+        let folder = tempfile::tempdir().unwrap();
+        let path = two_dates(folder.path());
+        write(&path);
+        let mut harness = sample_window();
+        open(&mut harness, CaseRef::Path(path));
+        assert!(is_asked(&harness));
+        harness.query_by_label("What 2024-01-01/seg.nii.gz is").is_some()
+    };
+    assert!(!has_files(&|_| {}));
+    assert!(has_files(&|path| std::fs::write(path.join("2024-01-01/broken.nii"), "no image").unwrap()));
+    // Labels may be one mask or many.
+    assert!(has_files(&|path| {
+        write_cube(&path.join("2024-03-01/seg.nii.gz"), 16, 1.0, |[x, ..]| (x / 6) as u8);
+    }));
+    assert!(has_files(&|path| image(&path.join("undated.nii.gz"))));
+}
+
 #[test]
 fn what_each_file_is_can_be_changed_before_it_is_read() {
     let folder = tempfile::tempdir().unwrap();

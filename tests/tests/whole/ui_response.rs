@@ -7,9 +7,10 @@ use egui_kittest::kittest::{NodeT, Queryable};
 use glioscope::{
     command::{AppCommand, EditCommand},
     model::{CaseRef, PaneId, Reading, layout::Task, session},
+    report::Options,
     window::recent::Recent,
 };
-use glioscope_core::response::{Call, Fact, Label, NewLesion, NonTarget, Part, TreatmentKind};
+use glioscope_core::response::{Call, Criterion, Fact, Label, NewLesion, NonTarget, Part, TreatmentKind};
 use glioscope_tests::{
     Window, answer, choose, doc, error_text, issue, pane_picture, perform, run, wait_for_workers,
     window_of_user, window_on,
@@ -314,14 +315,21 @@ fn a_report_is_read_before_it_is_signed_and_written_beside_the_case() {
     choose(&mut harness, "Criteria", "RANO 2010");
     wait_for_workers(&mut harness);
     click(&mut harness, "Write a report…");
-    wait_for(&mut harness, "Lesions that the calls rest on");
+    wait_for(&mut harness, "Sum of targets");
     // It follows what is written, by whom, and in which language.
     let reading = Reading { conclusion: "Seen by the board.".into(), ..Reading::default() };
     perform(&mut harness, EditCommand::SetReading(Box::new(reading)));
     wait_for(&mut harness, "not named in this report");
-    assert_eq!(harness.query_all_by_label("Seen by the board.").count(), 1, "{}", error_text(&harness));
+    // Its text stands in its field, and not once more.
+    assert_eq!(
+        harness.query_all_by_label("As typed beside this page.").count(),
+        1,
+        "{}",
+        error_text(&harness)
+    );
+    assert_eq!(harness.query_all_by_label("Seen by the board.").count(), 0);
     click(&mut harness, "Deutsch");
-    wait_for(&mut harness, "Läsionen, auf denen");
+    wait_for(&mut harness, "Summe der Zielläsionen");
     click(&mut harness, "English");
     click(&mut harness, "PDF");
     // Nothing is written over.
@@ -343,7 +351,7 @@ fn the_report_dialog_closes_with_its_case() {
     choose(&mut harness, "Criteria", "RANO 2010");
     wait_for_workers(&mut harness);
     issue(&mut harness, AppCommand::ShowReport);
-    wait_for(&mut harness, "Lesions that the calls rest on");
+    wait_for(&mut harness, "Sum of targets");
     perform(&mut harness, AppCommand::Open(CaseRef::Sample));
     click(&mut harness, "Discard");
     wait_for_workers(&mut harness);
@@ -352,7 +360,65 @@ fn the_report_dialog_closes_with_its_case() {
     assert!(harness.query_by_label("What its first page says").is_none());
     issue(&mut harness, AppCommand::ShowReport);
     wait_for(&mut harness, "T1c, FLAIR, PET");
-    assert!(harness.query_by_label("Lesions that the calls rest on").is_none());
+    assert!(harness.query_by_label("Sum of targets").is_none());
+}
+
+/// Who judges case after case by the same criteria isn't asked again, in the next run neither.
+#[test]
+fn the_next_case_is_judged_by_the_criteria_of_the_last_report() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = folder.path().join("config");
+    let case = |name: &str, dates: &[&str]| {
+        let at = folder.path().join(name);
+        std::fs::create_dir_all(&at).unwrap();
+        let mask = |date: &&str| {
+            format!("T={}@{date}", balls(&at.join(format!("{date}.nii")), &[([30.0, 30.0, 20.0], 8.0)]))
+        };
+        CaseRef::Arguments { masks: dates.iter().map(mask).collect(), contexts: Vec::new() }
+    };
+    let dates = ["2024-01-01", "2024-03-01"];
+    let opened = |case: CaseRef| {
+        let mut harness = window_of_user(Recent::in_folder(&config), [1280.0, 800.0]);
+        perform(&mut harness, AppCommand::Open(case));
+        wait_for_workers(&mut harness);
+        assert!(!harness.state().work.has_unsaved_work());
+        harness
+    };
+    let criterion =
+        |harness: &Window| doc(harness).edit.response.history.as_ref().map(|history| history.criterion);
+    let write = |harness: &mut Window, name: &str| {
+        let options = Options::default();
+        issue(harness, AppCommand::WriteReportTo(options, folder.path().join(name)));
+        wait_for_workers(harness);
+        assert_eq!(error_text(harness), "");
+    };
+    let mut first = opened(case("a", &dates));
+    assert_eq!(criterion(&first), None);
+    issue(&mut first, EditCommand::MaximizePane(PaneId::Response));
+    wait_for_workers(&mut first);
+    choose(&mut first, "Criteria", "RANO 2010");
+    wait_for_workers(&mut first);
+    write(&mut first, "a.md");
+    let mut second = opened(case("b", &dates));
+    assert_eq!(criterion(&second), Some(Criterion::Rano2010));
+    assert_eq!(doc(&second).nav.time, 1);
+    let layout = &doc(&second).edit.layout;
+    for pane in [PaneId::Response, PaneId::Lesions, PaneId::SideBySide] {
+        assert!(layout.tiles.find_pane(&pane).is_some(), "{pane:?}");
+    }
+    let baseline = doc(&second).edit.response.history.as_ref().and_then(|history| history.baseline.clone());
+    assert_eq!(baseline, Some(Fact::proposed(Label("2024-01-01".into()))));
+    // One date is judged by none, and its report says nothing about them.
+    let mut one = opened(case("c", &["2024-01-01"]));
+    assert_eq!(criterion(&one), None);
+    write(&mut one, "c.md");
+    assert_eq!(criterion(&opened(case("d", &dates))), Some(Criterion::Rano2010));
+    // A report without criteria ends it.
+    issue(&mut second, EditCommand::MaximizePane(PaneId::Response));
+    wait_for_workers(&mut second);
+    choose(&mut second, "Criteria", "none");
+    write(&mut second, "b.md");
+    assert_eq!(criterion(&opened(case("e", &dates))), None);
 }
 
 /// A reader arranges the panes once for a stack of cases; with one date other panes matter.

@@ -1,5 +1,6 @@
 # German words of core/src/response/phrases.rs: `reason-` and the template's key, with the same variables.
 reason-by = ({ $who })
+reason-by-nobody-on = (angegeben am { $day })
 reason-by-the-masks = (aus den Masken)
 reason-unknown = unbekannt
 reason-day = Tag { $day }

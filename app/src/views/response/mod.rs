@@ -68,19 +68,26 @@ impl Wanted<'_> {
 
     /// Whether a fact of the patient can change a call now.
     fn counts(&self, input: Asked) -> bool {
-        self.all || self.missing.contains(&(None, input))
+        self.missing.contains(&(None, input))
     }
 
-    /// Whether a fact of a scan is asked for.
-    fn at(&self, date: &str, input: Asked) -> bool {
-        self.all
-            || self.missing.contains(&(Some(date.to_owned()), input))
+    /// Whether a fact of a scan can change a call now, or the masks ask for it.
+    fn counts_at(&self, date: &str, input: Asked) -> bool {
+        self.missing.contains(&(Some(date.to_owned()), input))
             || (input == Asked::NewLesion && self.new_in_masks.contains_key(date))
     }
 
+    /// Whether a fact of a scan is asked for. Where all are, those of the first scan that compare it with an earlier one aren't, nor why a
+    /// dose was raised that may not have been.
+    fn at(&self, (date, is_first): (&str, bool), input: Asked) -> bool {
+        let compares = !matches!(input, Asked::Steroids | Asked::Histology);
+        let is_shown = self.all && !(is_first && compares) && input != Asked::SteroidsReason;
+        is_shown || self.counts_at(date, input)
+    }
+
     /// Whether it was asked for since the criteria were chosen.
-    fn was_asked(&self, date: &str, input: Asked) -> bool {
-        self.at(date, input) || self.asked.contains(&(Some(date.to_owned()), input))
+    fn was_asked(&self, scan: (&str, bool), input: Asked) -> bool {
+        self.at(scan, input) || self.asked.contains(&(Some(scan.0.to_owned()), input))
     }
 }
 

@@ -35,7 +35,7 @@ pub(super) fn show(ui: &mut Ui, input: &Input<'_>, history: &mut History, wanted
         baseline(ui, input, wanted.counts(Asked::Baseline), history, by);
     }
     // By these the criteria choose a baseline where none is stated.
-    let counts = |asked: Asked| wanted.counts(asked) || wanted.counts(Asked::Baseline);
+    let counts = |asked: Asked| wanted.all || wanted.counts(asked) || wanted.counts(Asked::Baseline);
     if asks(Asked::Disease) || asks(Asked::Baseline) || history.disease.is_some() {
         ui.horizontal_wrapped(|ui| {
             draw::asked(ui, "Disease", wanted.counts(Asked::Disease));

@@ -84,10 +84,11 @@ pub(super) fn show(
         let before =
             before.unwrap_or_else(|| ScanFacts { date: Label(label.clone()), ..ScanFacts::default() });
         let stated = |asked: Asked| has(&before, asked);
+        let scan = (label.as_str(), n == 0);
         let rows: Vec<(Asked, &str, bool)> = ROWS
             .into_iter()
-            .filter(|(asked, _)| wanted.was_asked(label, *asked) || stated(*asked))
-            .map(|(asked, title)| (asked, title, wanted.at(label, asked) || stated(asked)))
+            .filter(|(asked, _)| wanted.was_asked(scan, *asked) || stated(*asked))
+            .map(|(asked, title)| (asked, title, wanted.at(scan, asked) || stated(asked)))
             .collect();
         if rows.is_empty() && !no_dates {
             continue;
@@ -104,7 +105,7 @@ pub(super) fn show(
                 let is_found = |asked: Asked| {
                     asked == Asked::NewLesion && wanted.new_in_masks.contains_key(label.as_str())
                 };
-                let open = |asked: Asked| wanted.at(label, asked) && !stated(asked) && !is_found(asked);
+                let open = |asked: Asked| wanted.at(scan, asked) && !stated(asked) && !is_found(asked);
                 nothing_worse(ui, date, &mut facts, (dose, wanted.only_measurable), &open, by);
             });
             if no_dates {
@@ -118,7 +119,7 @@ pub(super) fn show(
             }
             for (asked, title, counts) in rows {
                 ui.horizontal_wrapped(|ui| {
-                    let name = draw::asked(ui, title, wanted.at(label, asked) && !stated(asked));
+                    let name = draw::asked(ui, title, wanted.counts_at(label, asked) && !stated(asked));
                     cell(ui, asked, &format!("{title} at {date}"), &mut facts, name.id, by);
                     no_more(ui, counts);
                 });

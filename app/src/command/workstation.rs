@@ -22,6 +22,7 @@ use crate::{
     model::{
         Answer, Answers, CaseRef, Document, Edit, History, PictureSize, Place, Session,
         cohort::{CohortReading, OpenCohort},
+        layout::{self, Held},
         masks::{MaskLook, MaskLooks},
         rulers::MOST_RULERS,
         session,
@@ -166,18 +167,24 @@ impl Workstation {
         work
     }
 
-    fn install_opened(&mut self, opened: OpenedCase) {
+    /// Returns whether the panes are as they were arranged for the case before.
+    fn install_opened(&mut self, opened: OpenedCase) -> bool {
         let OpenedCase { place: Place { case, tracts, alignments: _ }, loaded, document, options } = opened;
-        self.install(case.clone(), loaded, document);
+        let keeps_layout = self.install(case.clone(), loaded, document);
         if let Some(doc) = &mut self.doc {
             doc.set_source(case, tracts, &options);
         }
         self.options = options;
+        keeps_layout
     }
 
-    /// Replaces the current case; starts with `document`, or with the initial one.
-    fn install(&mut self, case: CaseRef, loaded: Loaded, document: Option<Document>) {
-        let before = self.doc.as_ref().map(|doc| (self.world.time_point_count(), doc.edit.layout.clone()));
+    /// Replaces the current case; starts with `document`, or with the initial one. Returns whether that has the layout of the case before.
+    fn install(&mut self, case: CaseRef, loaded: Loaded, document: Option<Document>) -> bool {
+        let count = self.world.time_point_count();
+        let held = self.world.case().and_then(|case| Some(Held::at(case.time_points.first()?, count)));
+        let arranged = self.doc.as_ref().map(|doc| &doc.edit.layout).zip(held);
+        let arranged = arranged.filter(|(layout, held)| !layout::is_as_opened(layout, *held));
+        let before = arranged.map(|(layout, _)| (count, layout.clone()));
         self.world = World::new(loaded);
         self.installed += 1;
         // Whoever opens a case wants to see it.
@@ -187,6 +194,7 @@ impl Workstation {
         self.history = History::default();
         self.saved = None;
         let first = self.world.case().and_then(|c| c.time_points.first());
+        let mut keeps_layout = false;
         self.doc = document.or_else(|| {
             let mut doc = Document::new(case, first?, self.world.time_point_count());
             doc.edit.masks = self.world.case().map(|case| MaskLooks::of_case(case)).unwrap_or_default();
@@ -195,6 +203,7 @@ impl Workstation {
                 && (count > 1) == (self.world.time_point_count() > 1)
             {
                 doc.edit.layout = layout;
+                keeps_layout = true;
             }
             Some(doc)
         });
@@ -203,6 +212,7 @@ impl Workstation {
             self.world.set_made(&doc.edit.made);
             self.saved = Some(Box::new(doc.edit.clone()));
         }
+        keeps_layout
     }
 
     /// The cohort, where it is in front of the case.
@@ -518,12 +528,9 @@ impl Workstation {
                     (std::mem::take(&mut self.history), self.saved.take(), alignments)
                 });
                 let is_new = opened.document.is_none();
-                let had_dates = self.doc.as_ref().map(|_| self.world.time_point_count() > 1);
-                self.install_opened(opened);
+                let keeps_layout = self.install_opened(opened);
                 if let (true, Some(case), Some(doc)) = (is_new, self.world.case(), &mut self.doc) {
-                    // Panes that were arranged for the case before stay.
-                    let arranges = had_dates != Some(case.time_points.len() > 1);
-                    doc.open_for_reading(case, self.usual_criterion, arranges);
+                    doc.open_for_reading(case, self.usual_criterion, !keeps_layout);
                     self.saved = Some(Box::new(doc.edit.clone()));
                 }
                 if let (true, Some(before), Some(case), Some(doc)) =

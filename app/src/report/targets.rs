@@ -38,12 +38,18 @@ pub fn blocks(answered: &Answered, words: &Words, redactor: &Redactor) -> Vec<Bl
 pub fn of_two_scans(answered: &Answered, words: &Words, redactor: &Redactor) -> Option<Table> {
     let Answered { evaluated, lesions } = answered;
     let [first, last] = evaluated.response.dates.as_slice() else { return None };
-    let ([sum], [by_volume]) = (&last.by_diameters.sums[..], &last.by_volume.sums[..]) else { return None };
+    let [sum] = last.by_diameters.sums.as_slice() else { return None };
+    // Not all criteria judge volumes.
+    let by_volume = match last.by_volume.sums.as_slice() {
+        [] => None,
+        [one] => Some(one),
+        _ => return None,
+    };
     let is_of_first = |sum: &SumReport| {
         sum.baseline.as_ref().is_some_and(|baseline| baseline.date == first.date)
             && sum.change_from_baseline_percent == sum.change_from_nadir_percent
     };
-    if !is_of_first(sum) || !is_of_first(by_volume) {
+    if !is_of_first(sum) || !by_volume.is_none_or(is_of_first) {
         return None;
     }
     let own = lesions.iter().find(|(compartment, _)| *compartment == sum.compartment);
@@ -56,7 +62,7 @@ pub fn of_two_scans(answered: &Answered, words: &Words, redactor: &Redactor) -> 
         // Of one target it is the sum.
         with_products: sum.lesions.iter().filter(|lesion| lesion.target).count() > 1,
     };
-    let Table { rows: sizes, note, .. } = of.table(sum, Some(by_volume));
+    let Table { rows: sizes, note, .. } = of.table(sum, by_volume);
     let calls = |of: fn(&DateResponse) -> &Judgement| [first, last].map(|date| call(of(date), words));
     let ways = [calls(|date| &date.by_diameters), calls(|date| &date.by_volume)];
     let row = |key: &str, [before, now]: [String; 2]| vec![words.get(key), before, now, String::new()];

@@ -256,7 +256,7 @@ fn a_response_of_another_mask_has_that_masks_lesions() {
         &["response", text(&case), "--history", text(&history), "--of", "B", "--smallest", "0.5", "--json"],
     );
     let sum = &json["dates"][1]["by_diameters"]["sums"][0];
-    let row = page.lines().find(|line| line.starts_with("| A | target |")).unwrap();
+    let row = page.lines().find(|line| line.starts_with("| Sum of targets |")).unwrap();
     for value in [&sum["baseline"]["sum"], &sum["sum"]] {
         assert!(row.contains(&format!("{:.1} mm²", value.as_f64().unwrap())), "{row}: {value}");
     }

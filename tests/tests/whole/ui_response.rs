@@ -5,15 +5,15 @@ use std::path::Path;
 use egui::Key;
 use egui_kittest::kittest::{NodeT, Queryable};
 use glioscope::{
-    command::{AppCommand, EditCommand},
+    command::{AppCommand, EditCommand, Workstation},
     model::{CaseRef, PaneId, Reading, layout::Task, session},
     report::Options,
     window::recent::Recent,
 };
 use glioscope_core::response::{Call, Criterion, Fact, Label, NewLesion, NonTarget, Part, TreatmentKind};
 use glioscope_tests::{
-    Window, answer, choose, doc, error_text, issue, pane_picture, perform, run, wait_for_workers,
-    window_of_user, window_on,
+    Window, answer, choose, doc, error_text, issue, pane_picture, perform, run, user_window,
+    wait_for_workers, window_of_user, window_on,
 };
 
 use crate::{PROGRAM, lesions::balls};
@@ -378,7 +378,8 @@ fn the_next_case_is_judged_by_the_criteria_of_the_last_report() {
     };
     let dates = ["2024-01-01", "2024-03-01"];
     let opened = |case: CaseRef| {
-        let mut harness = window_of_user(Recent::in_folder(&config), [1280.0, 800.0]);
+        let recent = Recent::in_folder(&config);
+        let mut harness = user_window(Workstation::default(), [1280.0, 800.0], recent, None);
         perform(&mut harness, AppCommand::Open(case));
         wait_for_workers(&mut harness);
         assert!(!harness.state().work.has_unsaved_work());

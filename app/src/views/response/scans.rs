@@ -125,10 +125,12 @@ pub(super) fn show(
                 });
                 // On lines of their own, where they stay whole.
                 let found = wanted.new_in_masks.get(label.as_str());
+                let stated = facts.new_lesion.as_ref().map(|fact| fact.value);
+                let is_answered = stated.is_some_and(|stated| stated != NewLesion::None);
                 for (n, found) in
                     found.filter(|_| asked == Asked::NewLesion).into_iter().flatten().enumerate()
                 {
-                    of_masks(ui, input, (n, found), out);
+                    of_masks(ui, input, (n, found, is_answered), out);
                 }
             }
             if facts != before {
@@ -139,10 +141,17 @@ pub(super) fn show(
     }
 }
 
-/// A new lesion of the masks, which a click shows in all views.
-fn of_masks(ui: &mut Ui, input: &Input<'_>, (number, found): (usize, &Found), out: &mut Commands) {
+/// A new lesion of the masks, which a click shows in all views; in the colour of warnings unless the reader states one, too.
+fn of_masks(
+    ui: &mut Ui,
+    input: &Input<'_>,
+    (number, found, is_answered): (usize, &Found, bool),
+    out: &mut Commands,
+) {
     let text = if number == 0 { format!("the masks show {}", found.words) } else { found.words.clone() };
-    let link = ui.add(Link::new(RichText::new(text).color(ui.visuals().warn_fg_color)));
+    let visuals = ui.visuals();
+    let color = if is_answered { visuals.hyperlink_color } else { visuals.warn_fg_color };
+    let link = ui.add(Link::new(RichText::new(text).color(color)));
     if link.on_hover_text("Shows it in all views").clicked()
         && let Some((anchor, volume_ml)) = &found.at
     {

@@ -147,7 +147,7 @@ impl ResponsePane {
         let input = stage.input;
         let old = &input.doc.edit.response;
         let mut new = old.clone();
-        let by = By::today(&head(ui, &input, &mut new));
+        let by = By::today(&head(ui, &input, &mut new, out));
         match new.history.clone() {
             None => {
                 ui.weak("Choose criteria: lesions are judged at every date, by diameters and by volume");
@@ -206,6 +206,7 @@ impl ResponsePane {
                 let wanted = Wanted { all: self.all_inputs, missing, asked, new_in_masks, only_measurable };
                 patient::show(ui, &input, &mut history, &wanted, &by);
                 scans::show(ui, &input, &mut history, &wanted, &by, out);
+                patient::show_more(ui, &input, &mut history, &wanted, &by);
                 if let Some(evaluated) = &evaluated {
                     calls::reasons(ui, evaluated, self.date.as_deref());
                 }
@@ -225,16 +226,6 @@ impl ResponsePane {
             }
         }
         bt_rads::show(ui, &input, &mut new, &by);
-        if new.history.is_some() || !new.bt_rads.is_empty() {
-            ui.add_space(6.0);
-            if ui
-                .button("Write a report…")
-                .on_hover_text("With this response, its reasons and your conclusion")
-                .clicked()
-            {
-                out.push(AppCommand::ShowReport);
-            }
-        }
         if new != *old {
             out.push(EditCommand::SetResponse(Box::new(new)));
         }
@@ -275,9 +266,9 @@ fn no_days(input: &Input<'_>, history: &History) -> bool {
     })
 }
 
-/// The criteria, what is assessed, the mask of non-enhancing disease, and who states it: returned as typed so far, as a click on an answer also
+/// The criteria, what is assessed, the mask of non-enhancing disease, the way to a report, and who states it: returned as typed so far, as a click on an answer also
 /// leaves the field.
-fn head(ui: &mut Ui, input: &Input<'_>, new: &mut ResponseSetting) -> String {
+fn head(ui: &mut Ui, input: &Input<'_>, new: &mut ResponseSetting, out: &mut Commands) -> String {
     let mut author = new.author.clone();
     ui.horizontal_wrapped(|ui| {
         let label = ui.label("Criteria");
@@ -334,6 +325,11 @@ fn head(ui: &mut Ui, input: &Input<'_>, new: &mut ResponseSetting) -> String {
                 if is_first && !author.is_empty() {
                     new.sign(&fields::today());
                 }
+            }
+            // Where the form begins: it may be long.
+            let tip = "With this response, its reasons and your conclusion";
+            if ui.button("Write a report…").on_hover_text(tip).clicked() {
+                out.push(AppCommand::ShowReport);
             }
         });
     }

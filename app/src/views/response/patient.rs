@@ -27,7 +27,7 @@ const KINDS: [(TreatmentKind, &str); 3] = [
     (TreatmentKind::Antiangiogenic, "antiangiogenic"),
 ];
 
-/// The fields that are asked for or stated.
+/// The fields that are asked for or stated: baseline, disease and radiotherapy.
 pub(super) fn show(ui: &mut Ui, input: &Input<'_>, history: &mut History, wanted: &Wanted<'_>, by: &By) {
     // Fields stay where they were once asked for, so that nothing moves under the pointer.
     let asks = |asked: Asked| wanted.of_patient(asked);
@@ -52,6 +52,11 @@ pub(super) fn show(ui: &mut Ui, input: &Input<'_>, history: &mut History, wanted
             no_more(ui, is_open);
         });
     }
+}
+
+/// Targets, treatments and surgeries, where asked for or stated.
+pub(super) fn show_more(ui: &mut Ui, input: &Input<'_>, history: &mut History, wanted: &Wanted<'_>, by: &By) {
+    let asks = |asked: Asked| wanted.of_patient(asked);
     if asks(Asked::Targets) || history.targets.is_some() {
         targets(ui, history, by);
     }

@@ -68,7 +68,7 @@ const ROWS: [(Asked, &str); 9] = [
     (Asked::Histology, "Histology"),
 ];
 
-/// The facts that are asked for or stated, scan by scan.
+/// The facts that are asked for or stated, scan by scan, the last one first: it is the one that is read.
 pub(super) fn show(
     ui: &mut Ui,
     input: &Input<'_>,
@@ -79,7 +79,7 @@ pub(super) fn show(
 ) {
     let labels: Vec<String> = input.case.time_labels().into_iter().map(str::to_owned).collect();
     let no_dates = labels.iter().any(|label| leading_date(label).is_none());
-    for (n, label) in labels.iter().enumerate() {
+    for (n, label) in labels.iter().enumerate().rev() {
         let before = facts_at(history, label).cloned();
         let before =
             before.unwrap_or_else(|| ScanFacts { date: Label(label.clone()), ..ScanFacts::default() });

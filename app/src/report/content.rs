@@ -21,11 +21,7 @@ use super::{
     sentences::finding,
 };
 use crate::words::Words;
-use crate::{
-    format,
-    model::{Document, Reading},
-    world::colors_of,
-};
+use crate::{format, model::Document, world::colors_of};
 
 /// Rows of the table of regions; the smallest ones beyond are counted.
 const MOST_REGIONS: usize = 24;
@@ -194,23 +190,31 @@ impl Content<'_> {
 
     /// What the reader concludes, and who that is; `is_beside`: without its text, which stands beside.
     pub fn conclusion(&self, is_beside: bool) -> Vec<Block> {
-        let Reading { conclusion, reader, day, taken: _ } = &self.doc.edit.reading;
-        let lines = conclusion.lines().map(str::trim).filter(|line| !line.is_empty());
+        let lines = self.doc.edit.reading.conclusion.lines().map(str::trim).filter(|line| !line.is_empty());
         let mut blocks: Vec<Block> = lines.map(|line| Block::Text(self.redactor.text(line))).collect();
         if is_beside && !blocks.is_empty() {
             blocks = vec![Block::Text(self.words.get("conclusion-beside"))];
         }
-        let is_named = !reader.trim().is_empty();
-        if is_named || !blocks.is_empty() {
-            let reader =
-                if is_named { self.redactor.text(reader.trim()) } else { self.words.get("reader-unnamed") };
-            let day = if day.is_empty() { String::new() } else { format!(", {day}") };
-            blocks.push(Block::Facts(vec![(self.words.get("read-by"), format!("{reader}{day}"))]));
+        let signed = self.signed();
+        if signed.is_some() || !blocks.is_empty() {
+            let reader = signed.unwrap_or_else(|| self.on_its_day(self.words.get("reader-unnamed")));
+            blocks.push(Block::Facts(vec![(self.words.get("read-by"), reader)]));
         }
         if !blocks.is_empty() {
             blocks.insert(0, Block::Heading(self.words.get("section-conclusion")));
         }
         blocks
+    }
+
+    /// Who read it, and when; `None` where that isn't said.
+    pub fn signed(&self) -> Option<String> {
+        let reader = self.doc.edit.reading.reader.trim();
+        (!reader.is_empty()).then(|| self.on_its_day(self.redactor.text(reader)))
+    }
+
+    fn on_its_day(&self, reader: String) -> String {
+        let day = &self.doc.edit.reading.day;
+        if day.is_empty() { reader } else { format!("{reader}, {day}") }
     }
 
     /// How many lesions are new or gone at the last date.

@@ -73,6 +73,8 @@ pub struct Report {
     pub language: String,
     /// Its title.
     pub title: String,
+    /// Who read it, and when, where that is said.
+    pub signed: Option<String>,
     /// Its parts in order.
     pub blocks: Vec<Block>,
     /// What it was made with, so that it can be made again.

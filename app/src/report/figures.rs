@@ -34,6 +34,6 @@ pub fn pdf_of(title: &str, plots: Vec<Plot>) -> Result<Vec<u8>, String> {
         session: serde_json::Value::Null,
     };
     let blocks = plots.into_iter().map(Block::Plot).collect();
-    let report = Report { language: "en".into(), title: title.to_owned(), blocks, recipe };
+    let report = Report { language: "en".into(), title: title.to_owned(), signed: None, blocks, recipe };
     pdf::pdf(&report, &words(Language::En))
 }

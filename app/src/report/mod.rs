@@ -184,7 +184,7 @@ pub fn make(
     blocks.extend(content.dates());
     blocks.extend(notes);
     blocks.extend(how_made(&recipe, &content));
-    Ok(Report { language: words.get("language-code"), title, blocks, recipe })
+    Ok(Report { language: words.get("language-code"), title, signed: content.signed(), blocks, recipe })
 }
 
 /// The calls of the last date in a sentence, and in another the new lesions of the masks there, unless the reader states that there are none.

@@ -29,7 +29,7 @@ fn report(blocks: Vec<Block>) -> Report {
         response: None,
         session: serde_json::Value::Null,
     };
-    Report { language: "en".into(), title: "A title".into(), blocks, recipe }
+    Report { language: "en".into(), title: "A title".into(), signed: None, blocks, recipe }
 }
 
 fn words() -> Words {
@@ -309,4 +309,13 @@ proptest! {
             prop_assert!(line.width_em <= limit + 1e-6 || line.glyphs.len() == 1, "{} of {}", line.width_em, limit);
         }
     }
+}
+
+#[test]
+fn every_page_says_who_read_it() {
+    let words = sentences::words(Language::De);
+    let of = |signed: Option<&str>| Report { signed: signed.map(str::to_owned), ..report(Vec::new()) };
+    let below = |signed| super::write::below_pages(&of(signed), "A title", &words);
+    assert_eq!(below(None), "A title");
+    assert_eq!(below(Some("A. B., 2024-05-15")), "A title · Befundet von A. B., 2024-05-15");
 }

@@ -48,6 +48,7 @@ pub fn write(draft: &Draft<'_>, report: &Report, title: &str, words: &Words) -> 
         .map_err(|e| format!("PDF: found {e:?}, expected standards that go together"))?;
     let mut document =
         Document::new_with(SerializeSettings { configuration, ..SerializeSettings::default() });
+    let below = below_pages(report, title, words);
     let mut leaves: Vec<Option<Identifier>> = vec![None; draft.leaves];
     for (number, marks) in draft.pages.iter().enumerate() {
         let [width, height] = PAGE_PT.map(|length| length as f32);
@@ -59,7 +60,7 @@ pub fn write(draft: &Draft<'_>, report: &Report, title: &str, words: &Words) -> 
         }
         let of = words
             .with("page", &[("page", (number + 1).to_string()), ("pages", draft.pages.len().to_string())]);
-        foot(&mut surface, draft.fonts, title, &of);
+        foot(&mut surface, draft.fonts, &below, &of);
         surface.finish();
         page.finish();
     }
@@ -90,6 +91,12 @@ pub fn write(draft: &Draft<'_>, report: &Report, title: &str, words: &Words) -> 
         }
         other => format!("PDF: found {other}, expected a report that can be written"),
     })
+}
+
+/// What stands below every page, as one may come to lie apart from the first: the title, and who read it.
+pub(super) fn below_pages(report: &Report, title: &str, words: &Words) -> String {
+    let signed = report.signed.as_ref().map(|reader| format!(" · {} {reader}", words.get("read-by")));
+    format!("{title}{}", signed.unwrap_or_default())
 }
 
 /// What the report was made with. Not compressed: it is found again without a reader of PDF.

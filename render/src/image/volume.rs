@@ -78,6 +78,16 @@ impl ContextVolume {
         }
     }
 
+    /// Stored values between which most of the image lies: the 1st to 99th percentile without background and as much again on
+    /// either side, within the range. All of the range but for outliers, such as metal in CT or a bladder in PET.
+    pub(crate) fn usual(&self) -> [f64; 2] {
+        let (low, width) = self.scale();
+        let Some((p01, p99)) = self.statistics.p01_p99() else { return [0.0, 1.0] };
+        let spread = p99 - p01;
+        let usual = [(p01 - spread - low) / width, (p99 + spread - low) / width].map(|v| v.clamp(0.0, 1.0));
+        if spread > 0.0 && usual[1] > usual[0] { usual } else { [0.0, 1.0] }
+    }
+
     /// Depth below a cut at which shading reaches full strength.
     pub(crate) fn cut_fade_mm(&self) -> f64 {
         3.0 * self.grid().spacing_mm().min_element()
@@ -97,13 +107,15 @@ pub(crate) struct Field {
     pub values: Vec<f32>,
     /// How often the image was halved along each axis, 0 to 3.
     pub halvings: u32,
+    /// See [`ContextVolume::usual`].
+    pub usual: [f64; 2],
 }
 
 impl Field {
     /// All values of an image, halved along every axis until they fit into `bytes`. `None` when not even
     /// an eighth of the resolution fits.
     pub fn fitting(volume: &ContextVolume, bytes: u64) -> Option<Self> {
-        let (low, width) = volume.scale();
+        let ((low, width), usual) = (volume.scale(), volume.usual());
         let image = volume.image();
         let stored = |linear: usize| {
             let value = ((image.value(linear) - low) / width) as f32;
@@ -113,13 +125,13 @@ impl Field {
         let whole = image.grid();
         if fits(whole) {
             let values = (0..whole.voxel_count()).into_par_iter().with_min_len(1 << 16).map(stored).collect();
-            return Some(Self { grid: whole.clone(), values, halvings: 0 });
+            return Some(Self { grid: whole.clone(), values, halvings: 0, usual });
         }
         // Halved directly from the image: one this large isn't copied in full.
         let mut field = halved(whole, stored)?;
         for halvings in 1..=3 {
             if fits(&field.0) {
-                return Some(Self { grid: field.0, values: field.1, halvings });
+                return Some(Self { grid: field.0, values: field.1, halvings, usual });
             }
             let (grid, values) = field;
             field = halved(&grid, |linear| values[linear])?;

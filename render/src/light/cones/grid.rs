@@ -18,6 +18,11 @@ pub(crate) struct Cells {
 impl Cells {
     /// Cells about `side_mm` long, of whole voxels, at least one; longer if there would be too many cells.
     pub fn new(grid: &Grid, side_mm: f64) -> Self {
+        Self::at_most(grid, side_mm, MOST_CELLS)
+    }
+
+    /// The same, of at most so many cells.
+    pub fn at_most(grid: &Grid, side_mm: f64, most: usize) -> Self {
         let spacing = grid.spacing_mm();
         let dims = grid.dims();
         let mut side_mm = if side_mm.is_finite() { side_mm.max(0.0) } else { 0.0 };
@@ -25,7 +30,7 @@ impl Cells {
             let voxels: [usize; 3] =
                 std::array::from_fn(|a| ((side_mm / spacing[a]).round() as usize).clamp(1, dims[a].max(1)));
             let cells = std::array::from_fn(|a| dims[a].div_ceil(voxels[a]));
-            if cells.iter().product::<usize>() <= MOST_CELLS || voxels == dims {
+            if cells.iter().product::<usize>() <= most || voxels == dims {
                 return Self { dims: cells, voxels };
             }
             side_mm = (1.3 * side_mm).max(spacing.min_element());

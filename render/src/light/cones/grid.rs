@@ -1,7 +1,7 @@
 //! The light grid of a context image: its cells, and which of them a frame can sample.
 
 use glam::DVec3;
-use glioscope_core::{Grid, RegionVolume};
+use glioscope_core::{Grid, RegionVolume, grid::ijk};
 
 /// Maximum number of cells.
 const MOST_CELLS: usize = 1 << 26;
@@ -40,6 +40,21 @@ impl Cells {
     /// Total number of cells.
     pub fn count(&self) -> usize {
         self.dims.iter().product()
+    }
+
+    /// Where a cell's light is found, in voxels: in its middle, that of the outermost cells on the image's faces. Light is
+    /// interpolated between cells and constant from the outermost middles outwards, so that tissue which the image ends in, as CT
+    /// and MR of a part of the body do, would be as dark on its face as half a cell below it. See lib/light_cell.
+    pub fn place(&self, grid: &Grid, n: usize) -> DVec3 {
+        let (p, dims) = (ijk(self.dims, n), grid.dims());
+        DVec3::from_array(std::array::from_fn(|a| {
+            let last = self.dims[a].saturating_sub(1);
+            match p[a] {
+                0 if last > 0 => -0.5,
+                at if at == last && last > 0 => dims[a] as f64 - 0.5,
+                at => (at as f64 + 0.5) * self.voxels[a] as f64 - 0.5,
+            }
+        }))
     }
 
     /// Marks the cells that are sampled anywhere between these voxels (first and last centre along each

@@ -299,14 +299,14 @@ impl Neighborhoods {
         let side_mm = |a: usize| world.matrix3.col(a).length() * cells.voxels[a] as f64;
         let beyond_mm = side_mm(0) + side_mm(1) + side_mm(2);
         let is_cut = |n: &usize| {
-            let at_mm = world.transform_point3(place(grid, cells, *n));
+            let at_mm = world.transform_point3(cells.place(grid, *n));
             let past = |plane: &ClipPlane| plane.normal.dot(at_mm) - plane.offset_mm;
             clip.iter().any(|plane| past(plane) > -radius_mm) && clip.iter().all(|p| past(p) < beyond_mm)
         };
         let cuts = in_voxels(clip, grid);
         let directions = spread(DIRECTIONS, 180.0);
         let of_cell =
-            |n: usize| (n, histogram(&self.kinds, place(grid, cells, n), &cuts, (&directions, radius_mm)));
+            |n: usize| (n, histogram(&self.kinds, cells.place(grid, n), &cuts, (&directions, radius_mm)));
         (0..cells.count()).into_par_iter().filter(is_cut).map(of_cell).collect()
     }
 
@@ -348,24 +348,9 @@ pub(super) fn light_of(histogram: &Histogram, radius_mm: f64, looks: &[Look]) ->
     ((1.0 - hidden).max(0.0).powi(STRETCHES), color / hidden.max(1e-30))
 }
 
-/// Where a cell's surroundings are found, in voxels: in its middle, those of the outermost cells on the image's faces. Light is
-/// interpolated between cells and constant from the outermost middles outwards, so that tissue which the image ends in, as CT
-/// and MR of a part of the body do, would be as dark on its face as half a cell below it: black.
-fn place(grid: &Grid, cells: &Cells, n: usize) -> DVec3 {
-    let (p, dims) = (ijk(cells.dims, n), grid.dims());
-    DVec3::from_array(std::array::from_fn(|a| {
-        let last = cells.dims[a] - 1;
-        match p[a] {
-            0 if last > 0 => -0.5,
-            at if at == last && last > 0 => dims[a] as f64 - 0.5,
-            at => (at as f64 + 0.5) * cells.voxels[a] as f64 - 0.5,
-        }
-    }))
-}
-
 /// The histogram of every cell.
 pub(super) fn histograms(kinds: &Kinds, cells: &Cells, radius_mm: f64) -> Vec<Histogram> {
     let directions = spread(DIRECTIONS, 180.0);
-    let of_cell = |n: usize| histogram(kinds, place(&kinds.grid, cells, n), &[], (&directions, radius_mm));
+    let of_cell = |n: usize| histogram(kinds, cells.place(&kinds.grid, n), &[], (&directions, radius_mm));
     (0..cells.count()).into_par_iter().map(of_cell).collect()
 }

@@ -218,3 +218,49 @@ fn opaque_geometry_behind_the_camera_does_not_change_the_image() {
         assert!(share <= row.suite.decided_by_rounding, "{:?}: {share}", row.mode);
     }
 }
+
+/// Tissue that the image ends in, as CT and MR of a part of the body do, looks as the same tissue with air about it.
+#[test]
+fn tissue_that_the_image_ends_in_is_lit_as_in_air() {
+    let base =
+        ContextScene { transfer: transfer(false, 0.9), ..scene(false, false, Projection::Orthographic) };
+    let of = |around: usize| {
+        let grid = cubic(20 + 2 * around, DVec3::ONE);
+        let dims = grid.dims();
+        let inside = |l: usize| ijk(dims, l).iter().all(|c| (around..20 + around).contains(c));
+        let values = (0..grid.voxel_count()).map(|l| if inside(l) { 90.0 } else { 0.0 }).collect();
+        ContextScene { volume: Some(image_of(&grid, values)), ..base.clone() }
+    };
+    let [ends, in_air] = [of(0), of(8)];
+    // Gradients shade a headlight's tissue, and there are none at an image's end.
+    for row in LIGHTS.iter().filter(|row| !row.is_headlight()) {
+        for cell_mm in [2.0, 4.0] {
+            let mut quality = Quality { occlusion_strength: 1.0, ..lit(row.mode) };
+            quality.lighting.cell_mm = cell_mm;
+            quality.lighting.paths.most = 32;
+            let mut renderer = ContextRenderer::new(&GPU).unwrap();
+            let mut marched = |scene: &ContextScene| -> Vec<[f64; 4]> {
+                let frame = renderer.render(&GPU, scene, &quality, SIZE).unwrap();
+                frame.read_marched(&GPU).iter().map(|pixel| pixel.rgba()).collect()
+            };
+            let pairs: Vec<_> = marched(&ends).into_iter().zip(marched(&in_air)).collect();
+            let opaque = pairs.iter().filter(|(a, b)| a[3] > 0.95 && b[3] > 0.95);
+            let (mut count, mut light) = (0, [0.0; 2]);
+            for (a, b) in opaque {
+                count += 1;
+                light = [light[0] + a[1], light[1] + b[1]];
+            }
+            let share = light[0] / light[1];
+            println!(
+                "{:?}, cells of {cell_mm} mm: {share:.3} of {:.3}",
+                row.mode,
+                light[1] / f64::from(count)
+            );
+            assert!(
+                count > 300 && (0.75..1.35).contains(&share),
+                "{:?}, {cell_mm} mm: {share} of {count}",
+                row.mode
+            );
+        }
+    }
+}

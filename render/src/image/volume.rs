@@ -13,6 +13,8 @@ use crate::{
 
 /// Cells of interpolation (between voxel centres) along a brick's side.
 pub(crate) const BRICK: usize = 8;
+/// How far below most values, in widths between the 1st and 99th percentile, a value may lie that is no filling.
+const FILLING: f64 = 1e4;
 /// Represents a value that is not finite, see lib/image.
 pub(crate) const NOT_FINITE: f32 = -1e30;
 
@@ -68,9 +70,16 @@ impl ContextVolume {
         self.gradients.get_or_init(|| GradientHistogram::of(&self.image, &self.statistics))
     }
 
-    /// Smallest value and width of the range, which stored values 0 to 1 cover.
+    /// Smallest value and width of the range, which stored values 0 to 1 cover. A filling such as -3.4e38, beside which single
+    /// precision knows no other value, is out of it, and isn't drawn.
     pub(crate) fn scale(&self) -> (f64, f64) {
-        match self.statistics.range() {
+        let range = self.statistics.range().map(|(low, high)| match self.statistics.p01_p99() {
+            Some((p01, p99)) if p99 > p01 && p01 - low > FILLING * (p99 - p01) => {
+                (p01 - FILLING * (p99 - p01), high)
+            }
+            _ => (low, high),
+        });
+        match range {
             Some((low, high)) if high > low && (high - low).is_finite() => (low, high - low),
             // A constant image, or a range that overflows.
             Some((low, _)) => (low, 1.0),

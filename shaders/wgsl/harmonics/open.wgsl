@@ -31,7 +31,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     if number >= grid.needed {
         return;
     }
-    let c = cell_place(needed[number]);
+    let c = cell_middle(needed[number]);
     var bits = 0u;
     // Of all 16, as Mesa 22.3's software driver crashes when it compiles this loop with an end that isn't constant. Bits of
     // directions that there aren't mean nothing, and aren't read.

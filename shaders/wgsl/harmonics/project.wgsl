@@ -47,7 +47,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     if number >= grid.needed {
         return;
     }
-    let c = cell_place(needed[number]);
+    let c = cell_middle(needed[number]);
     let colors = select(1u, 2u, with_masks);
     let sets = colors + select(0u, 3u, gathers_color);
     let start = number * sets * part.functions;

@@ -6,11 +6,11 @@ struct LightGrid {
     scale: vec3<f32>,               // cells per voxel
     strength: f32,                  // darkness of unlit places, 0 to 1
     corner: vec3<f32>,              // index space, where the view axis meets the reference plane
-    voxels_x: f32,                  // of the image along its axes
+    pad1: u32,
     right: vec3<f32>,               // index space, one millimetre
-    voxels_y: f32,
+    pad2: u32,
     up: vec3<f32>,
-    voxels_z: f32,
+    pad3: u32,
     forward: vec3<f32>,
     pad4: u32,
     right_from_index: vec4<f32>,    // camera space of an index-space point: dot(xyz, p) + w

@@ -23,8 +23,6 @@ struct Slice {
 }
 
 const NONE = 0xffffffffu;
-// Share of a segment that rounding may leave of nothing.
-const AT_FACE = 1e-3;
 
 @group(0) @binding(32) var<uniform> slice: Slice;
 @group(0) @binding(33) var<storage, read_write> carried: array<f32>;           // so far
@@ -66,12 +64,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let left = arrives * exp(-extinction * each);
     carried[cell] = left;
-    // Nothing is before a face that the lamp shines on: what is carried is of the middle, half a cell below.
-    let before_face = image_span(cell_place(cell), -slice.light);
-    let shown = select(left, 1.0, before_face.y - max(before_face.x, 0.0) < AT_FACE * slice.segment_mm);
     if with_masks {
-        light_grid[cell] = shown * vec2<f32>(1.0, open[cell]);
+        light_grid[cell] = left * vec2<f32>(1.0, open[cell]);
     } else {
-        light_grid[cell] = vec2<f32>(shown);
+        light_grid[cell] = vec2<f32>(left);
     }
 }

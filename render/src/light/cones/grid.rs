@@ -42,9 +42,9 @@ impl Cells {
         self.dims.iter().product()
     }
 
-    /// Where a cell's light is found, in voxels: in its middle, that of the outermost cells on the image's faces. Light is
+    /// Where a cell's surroundings are looked for, in voxels: in its middle, for the outermost cells on the image's faces. Light is
     /// interpolated between cells and constant from the outermost middles outwards, so that tissue which the image ends in, as CT
-    /// and MR of a part of the body do, would be as dark on its face as half a cell below it. See lib/light_cell.
+    /// and MR of a part of the body do, would be as dark on its face as half a cell below it.
     pub fn place(&self, grid: &Grid, n: usize) -> DVec3 {
         let (p, dims) = (ijk(self.dims, n), grid.dims());
         DVec3::from_array(std::array::from_fn(|a| {

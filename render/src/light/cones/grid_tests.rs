@@ -101,7 +101,13 @@ fn twin_error(scene: &ContextScene, lighting: &LightSettings) -> (f64, usize, us
         .par_iter()
         .map(|&n| {
             let n = n as usize;
-            let lit = twin.at(grid.world_from_voxel().transform_point3(cells.place(grid, n)));
+            let ijk =
+                [n % cells.dims[0], n / cells.dims[0] % cells.dims[1], n / cells.dims[0] / cells.dims[1]];
+            // Its centre, counted from voxel faces; the last cells may extend past the image.
+            let index = DVec3::from_array(std::array::from_fn(|a| {
+                ((ijk[a] as f64 + 0.5) * cells.voxels[a] as f64).min(grid.dims()[a] as f64)
+            }));
+            let lit = twin.at(grid.world_from_voxel().transform_point3(index - 0.5));
             let off = [lit.image_only - f64::from(found[n][0]), lit.with_opaque - f64::from(found[n][1])];
             (off[0].abs().max(off[1].abs()), lit.is_ambiguous, [lit.image_only, lit.with_opaque])
         })

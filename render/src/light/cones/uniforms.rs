@@ -52,11 +52,11 @@ pub(crate) struct LightGrid {
     pub scale: [f32; 3],
     pub strength: f32,
     pub corner: [f32; 3],
-    pub voxels_x: f32,
+    pub pad1: u32,
     pub right: [f32; 3],
-    pub voxels_y: f32,
+    pub pad2: u32,
     pub up: [f32; 3],
-    pub voxels_z: f32,
+    pub pad3: u32,
     pub forward: [f32; 3],
     pub pad4: u32,
     pub right_from_index: [f32; 4],
@@ -73,17 +73,13 @@ impl LightGrid {
         let at = |index: DVec3| in_camera_space(camera, reference_mm, world.transform_point3(index - 0.5));
         let zero = at(DVec3::ZERO);
         let axes = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| at(axis) - zero);
-        let [voxels_x, voxels_y, voxels_z] = grid.dims().map(|d| d as f32);
         let row = |n: usize| [axes[0][n] as f32, axes[1][n] as f32, axes[2][n] as f32, zero[n] as f32];
         Self {
             cells: cells.dims.map(|d| d as u32),
             scale: cells.voxels.map(|v| 1.0 / v as f32),
             corner,
-            voxels_x,
             right,
-            voxels_y,
             up,
-            voxels_z,
             forward,
             right_from_index: row(0),
             up_from_index: row(1),
@@ -112,7 +108,7 @@ pub(crate) const LAYOUTS: &[crate::layouts::Layout] = &[
         colors, unused_b, levels, axes
     ),
     crate::layouts::layout!(
-        LightGrid, "LightGrid": cells, needed, scale, strength, corner, voxels_x, right, voxels_y, up, voxels_z, forward, pad4,
+        LightGrid, "LightGrid": cells, needed, scale, strength, corner, pad1, right, pad2, up, pad3, forward, pad4,
         right_from_index, up_from_index, depth_from_index
     ),
     crate::layouts::layout!(LightPart, "LightPart": first, unused_a, unused_b, unused_c),

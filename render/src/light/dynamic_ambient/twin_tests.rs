@@ -319,7 +319,7 @@ fn an_outlier_leaves_the_light_of_all_else() {
     let quality = lit(6.0, 1024);
     let plain = drawn(&mut renderer, &scene, &quality);
     let spoilt_mm = grid.world_from_voxel().transform_point3(DVec3::splat(4.0));
-    for outlier in [1e4, 1e38, -1e5] {
+    for outlier in [1e4, 1e38, -1e5, -3.4e38] {
         let mut values: Vec<f64> = (0..grid.voxel_count()).map(|l| image.value(l)).collect();
         values[grid.linear(spoilt)] = outlier;
         let found = drawn(

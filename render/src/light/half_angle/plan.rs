@@ -6,7 +6,7 @@ use glioscope_core::optics::{Camera, Sight};
 use crate::{
     image::buffers::brick_span_voxels,
     light::slices::{
-        plan::{LEAST_SLICES, MOST_SLICES},
+        plan::MOST_SLICES,
         reach::{Rect, ScreenBounds},
     },
     solid::view::in_camera_space,
@@ -203,7 +203,7 @@ impl HalfAnglePlan {
         // Three are around the image, and one is cut.
         let least = longest / f64::from(MOST_TEXELS - 4);
         let used = if texel_mm.is_finite() && texel_mm > 0.0 {
-            texel_mm.clamp(least, longest / f64::from(LEAST_SLICES))
+            texel_mm.clamp(least, longest)
         } else {
             longest / 256.0
         };
@@ -224,7 +224,7 @@ impl HalfAnglePlan {
         let requested = self.slab_mm;
         self.slab_mm = if requested.is_finite() && requested > 0.0 {
             // A slab's corners take one more.
-            requested.clamp(longest_mm / f64::from(MOST_SLICES - 1), longest_mm / f64::from(LEAST_SLICES))
+            requested.clamp(longest_mm / f64::from(MOST_SLICES - 1), longest_mm)
         } else {
             longest_mm / 256.0
         };

@@ -48,7 +48,7 @@ fn lit(lamp: Lamp, order: u32, directions: u32, cell_mm: f64) -> Quality {
     Quality { lighting, ..Quality::FULL }
 }
 
-/// The cells that a frame looks up, and where their light is found.
+/// The cells that a frame looks up, with their middles.
 fn needed(scene: &ContextScene, cell_mm: f64) -> Vec<(usize, DVec3)> {
     let image = scene.volume.as_ref().unwrap();
     let grid = image.grid();
@@ -57,8 +57,12 @@ fn needed(scene: &ContextScene, cell_mm: f64) -> Vec<(usize, DVec3)> {
         ImageBuffers::reuse(&mut None, &GPU, image, &scene.transfer).unwrap().visible_bits().to_vec();
     let bricks = grid.dims().map(|d| (d - 1).div_ceil(BRICK));
     let needed = cells.needed(grid, BRICK, bricks, &visible, scene.tumor.as_deref());
-    let place = |n: usize| grid.world_from_voxel().transform_point3(cells.place(grid, n));
-    needed.into_iter().map(|n| (n as usize, place(n as usize))).collect()
+    let middle = |n: usize| {
+        let p = [n % cells.dims[0], n / cells.dims[0] % cells.dims[1], n / (cells.dims[0] * cells.dims[1])];
+        let index: [f64; 3] = std::array::from_fn(|a| (p[a] as f64 + 0.5) * cells.voxels[a] as f64 - 0.5);
+        grid.world_from_voxel().transform_point3(DVec3::from_array(index))
+    };
+    needed.into_iter().map(|n| (n as usize, middle(n as usize))).collect()
 }
 
 /// Light of all cells.

@@ -64,12 +64,7 @@ pub(super) fn cells_of(twin: &LampTwin<'_>, grid: &Grid, cells: &Cells, sweep: &
                     if twin.light.z > 0.0 { twin.sight.depth_mm(c) / twin.light.z } else { f64::INFINITY };
                 voxels.hidden(&Ray { origin_mm: c, direction: -light }, to_eye.clamp(0.0, 120.0))
             });
-            // On a face that the lamp shines on, nothing of the image is before.
-            let at_mm = grid.world_from_voxel().transform_point3(cells.place(grid, n));
-            let (near, far) = twin.span(&Ray { origin_mm: at_mm, direction: -light });
-            let is_lit = far - near.max(0.0) < 1e-3 * sweep.segment_mm;
-            let shown = if is_lit { 1.0 } else { carried[n] };
-            [shown, if hidden { 0.0 } else { shown }]
+            [carried[n], if hidden { 0.0 } else { carried[n] }]
         })
         .collect()
 }

@@ -14,8 +14,6 @@ use crate::{light::kernel::MOST_REACH_PX, scene::SliceVariant};
 
 /// Maximum number of slices; a smaller slice distance is enlarged to fit, with a note in the plan.
 pub(crate) const MOST_SLICES: u32 = 8192;
-/// Fewest slices through an image: in one that is as thick as a small image, opaque tissue would show its inside.
-pub(crate) const LEAST_SLICES: u32 = 16;
 /// Maximum number of slices per step.
 const MOST_PER_STEP: u32 = 32;
 /// Blur, variance along an axis in square pixels, at which a step ends: that of a disc of one pixel's
@@ -136,8 +134,9 @@ impl SlicePlan {
         let requested = settings.slice_mm;
         plan.slice_mm = if !(requested.is_finite() && requested > 0.0) {
             span / 256.0
-        } else if span > 0.0 {
-            requested.clamp(least, span / f64::from(LEAST_SLICES))
+        } else if requested > span && span > 0.0 {
+            // A slice is sampled at its middle, which must lie in the volume.
+            span
         } else {
             requested.max(least)
         };

@@ -274,8 +274,14 @@ impl Neighborhoods {
             // Most of an image is air, and one of its cells is as good as all.
             let plain = histograms.iter().find(|h| h.len() <= 1);
             let varied: Vec<&Histogram> = histograms.iter().filter(|h| h.len() > 1).collect();
-            let every = varied.len().div_ceil(LEARNT_FROM).max(1);
-            plain.into_iter().chain(varied.into_iter().step_by(every)).collect()
+            let every = |count: usize| count.div_ceil(LEARNT_FROM).max(1);
+            if varied.len() < clusters {
+                // Of one kind of tissue, or nearly: cells differ by how much of it there is around them.
+                histograms.iter().step_by(every(histograms.len())).collect()
+            } else {
+                let every = every(varied.len());
+                plain.into_iter().chain(varied.into_iter().step_by(every)).collect()
+            }
         } else {
             histograms.iter().collect()
         };

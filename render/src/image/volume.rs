@@ -13,6 +13,8 @@ use crate::{
 
 /// Cells of interpolation (between voxel centres) along a brick's side.
 pub(crate) const BRICK: usize = 8;
+/// How far below most values, in widths between the 1st and 99th percentile, a value may lie that is no filling.
+const FILLING: f64 = 1e4;
 /// Represents a value that is not finite, see lib/image.
 pub(crate) const NOT_FINITE: f32 = -1e30;
 
@@ -68,14 +70,31 @@ impl ContextVolume {
         self.gradients.get_or_init(|| GradientHistogram::of(&self.image, &self.statistics))
     }
 
-    /// Smallest value and width of the range, which stored values 0 to 1 cover.
+    /// Smallest value and width of the range, which stored values 0 to 1 cover. A filling such as -3.4e38, beside which single
+    /// precision knows no other value, is out of it, and isn't drawn.
     pub(crate) fn scale(&self) -> (f64, f64) {
-        match self.statistics.range() {
+        let range = self.statistics.range().map(|(low, high)| match self.statistics.p01_p99() {
+            Some((p01, p99)) if p99 > p01 && p01 - low > FILLING * (p99 - p01) => {
+                (p01 - FILLING * (p99 - p01), high)
+            }
+            _ => (low, high),
+        });
+        match range {
             Some((low, high)) if high > low && (high - low).is_finite() => (low, high - low),
             // A constant image, or a range that overflows.
             Some((low, _)) => (low, 1.0),
             None => (0.0, 1.0),
         }
+    }
+
+    /// Stored values between which most of the image lies: the 1st to 99th percentile without background and as much again on
+    /// either side, within the range. All of the range but for outliers, such as metal in CT or a bladder in PET.
+    pub(crate) fn usual(&self) -> [f64; 2] {
+        let (low, width) = self.scale();
+        let Some((p01, p99)) = self.statistics.p01_p99() else { return [0.0, 1.0] };
+        let spread = p99 - p01;
+        let usual = [(p01 - spread - low) / width, (p99 + spread - low) / width].map(|v| v.clamp(0.0, 1.0));
+        if spread > 0.0 && usual[1] > usual[0] { usual } else { [0.0, 1.0] }
     }
 
     /// Depth below a cut at which shading reaches full strength.
@@ -97,13 +116,15 @@ pub(crate) struct Field {
     pub values: Vec<f32>,
     /// How often the image was halved along each axis, 0 to 3.
     pub halvings: u32,
+    /// See [`ContextVolume::usual`].
+    pub usual: [f64; 2],
 }
 
 impl Field {
     /// All values of an image, halved along every axis until they fit into `bytes`. `None` when not even
     /// an eighth of the resolution fits.
     pub fn fitting(volume: &ContextVolume, bytes: u64) -> Option<Self> {
-        let (low, width) = volume.scale();
+        let ((low, width), usual) = (volume.scale(), volume.usual());
         let image = volume.image();
         let stored = |linear: usize| {
             let value = ((image.value(linear) - low) / width) as f32;
@@ -113,13 +134,13 @@ impl Field {
         let whole = image.grid();
         if fits(whole) {
             let values = (0..whole.voxel_count()).into_par_iter().with_min_len(1 << 16).map(stored).collect();
-            return Some(Self { grid: whole.clone(), values, halvings: 0 });
+            return Some(Self { grid: whole.clone(), values, halvings: 0, usual });
         }
         // Halved directly from the image: one this large isn't copied in full.
         let mut field = halved(whole, stored)?;
         for halvings in 1..=3 {
             if fits(&field.0) {
-                return Some(Self { grid: field.0, values: field.1, halvings });
+                return Some(Self { grid: field.0, values: field.1, halvings, usual });
             }
             let (grid, values) = field;
             field = halved(&grid, |linear| values[linear])?;

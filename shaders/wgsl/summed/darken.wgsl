@@ -38,6 +38,14 @@ fn box_mean(p: vec2<i32>, half: f32) -> vec2<f32> {
     return mix(box_sum(p, i32(k)), box_sum(p, i32(k) + 1), share) / max(area, 1.0);
 }
 
+// How much a mean counts of which `covered` has depths. Where it has none, beyond a silhouette or the frame, a surface that slants
+// would go on as far behind as it comes before: whether the rest is nearer for that or because it hides is not known. Without
+// this the far edge of anything would be black, with nothing in front of it.
+fn counted(covered: f32) -> f32 {
+    let share = clamp(2.0 * covered - 1.0, 0.0, 1.0);
+    return share * share;
+}
+
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     zero = id.x >> 31u;
@@ -60,12 +68,13 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         let mean = box_mean(vec2<i32>(id.xy), min(half_mm / max(footprint, 1e-12), summed.widest_px));
         all += mean;
         let behind = depth - bias - summed.nearest - mean.x / (mean.y * summed.per_mm);
-        dark += clamp(GAIN * behind / half_mm, 0.0, 1.0);
+        dark += clamp(GAIN * behind * counted(mean.y) / half_mm, 0.0, 1.0);
     }
-    dark /= f32(summed.boxes);
+    let boxes = f32(summed.boxes);
+    dark /= boxes;
     if !one_by_one {
         let behind = depth - bias - summed.nearest - all.x / (all.y * summed.per_mm);
-        dark = clamp(GAIN * behind / radius, 0.0, 1.0);
+        dark = clamp(GAIN * behind * counted(all.y / boxes) / radius, 0.0, 1.0);
     }
     blurred[at] = darker(1.0 - dark);
 }

@@ -1,7 +1,7 @@
 //! The light grid of a context image: its cells, and which of them a frame can sample.
 
 use glam::DVec3;
-use glioscope_core::{Grid, RegionVolume};
+use glioscope_core::{Grid, RegionVolume, grid::ijk};
 
 /// Maximum number of cells.
 const MOST_CELLS: usize = 1 << 26;
@@ -18,6 +18,11 @@ pub(crate) struct Cells {
 impl Cells {
     /// Cells about `side_mm` long, of whole voxels, at least one; longer if there would be too many cells.
     pub fn new(grid: &Grid, side_mm: f64) -> Self {
+        Self::at_most(grid, side_mm, MOST_CELLS)
+    }
+
+    /// The same, of at most so many cells.
+    pub fn at_most(grid: &Grid, side_mm: f64, most: usize) -> Self {
         let spacing = grid.spacing_mm();
         let dims = grid.dims();
         let mut side_mm = if side_mm.is_finite() { side_mm.max(0.0) } else { 0.0 };
@@ -25,7 +30,7 @@ impl Cells {
             let voxels: [usize; 3] =
                 std::array::from_fn(|a| ((side_mm / spacing[a]).round() as usize).clamp(1, dims[a].max(1)));
             let cells = std::array::from_fn(|a| dims[a].div_ceil(voxels[a]));
-            if cells.iter().product::<usize>() <= MOST_CELLS || voxels == dims {
+            if cells.iter().product::<usize>() <= most || voxels == dims {
                 return Self { dims: cells, voxels };
             }
             side_mm = (1.3 * side_mm).max(spacing.min_element());
@@ -35,6 +40,21 @@ impl Cells {
     /// Total number of cells.
     pub fn count(&self) -> usize {
         self.dims.iter().product()
+    }
+
+    /// Where a cell's surroundings are looked for, in voxels: in its middle, for the outermost cells on the image's faces. Light is
+    /// interpolated between cells and constant from the outermost middles outwards, so that tissue which the image ends in, as CT
+    /// and MR of a part of the body do, would be as dark on its face as half a cell below it.
+    pub fn place(&self, grid: &Grid, n: usize) -> DVec3 {
+        let (p, dims) = (ijk(self.dims, n), grid.dims());
+        DVec3::from_array(std::array::from_fn(|a| {
+            let last = self.dims[a].saturating_sub(1);
+            match p[a] {
+                0 if last > 0 => -0.5,
+                at if at == last && last > 0 => dims[a] as f64 - 0.5,
+                at => (at as f64 + 0.5) * self.voxels[a] as f64 - 0.5,
+            }
+        }))
     }
 
     /// Marks the cells that are sampled anywhere between these voxels (first and last centre along each

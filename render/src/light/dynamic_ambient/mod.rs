@@ -13,7 +13,7 @@ mod twin_tests;
 use std::sync::Arc;
 
 use glam::DVec3;
-use glioscope_core::optics::srgb;
+use glioscope_core::{Grid, optics::srgb};
 
 use self::neighborhoods::{Bin, DIRECTIONS, Histogram, Look, Neighborhoods};
 use super::{
@@ -76,10 +76,25 @@ fn at_cost(cost: f64) -> Quality {
 /// Radii within which settings are used, millimetres.
 const RADII_MM: [f64; 2] = [0.1, 200.0];
 
+/// Most cells, whose surroundings are found in one go: some 10 s of a processor for so many, and 0.3 to 1 GiB while they are
+/// condensed. Without a limit, cells of 1 mm in a head would hold up the window for minutes.
+const MOST_CELLS: usize = 1 << 21;
+
+/// The cells of a size that is asked for, and what to say where they are larger.
+fn cells_of(grid: &Grid, asked_mm: f64) -> (Cells, Option<String>) {
+    let cells = Cells::at_most(grid, asked_mm, MOST_CELLS);
+    let spacing = grid.spacing_mm();
+    let longest_mm = (0..3).map(|a| spacing[a] * cells.voxels[a] as f64).fold(0.0, f64::max);
+    let used_mm = (100.0 * longest_mm).round() / 100.0;
+    let note = (Cells::new(grid, asked_mm) != cells)
+        .then(|| format!("cells of {asked_mm} mm: {used_mm} mm is used, for at most {MOST_CELLS} cells"));
+    (cells, note)
+}
+
 /// What an image's neighbourhoods are of.
 struct Found {
     volume: Arc<ContextVolume>,
-    cell_mm: f64,
+    cells: Cells,
     radius_mm: f64,
     clusters: u32,
     neighborhoods: Neighborhoods,
@@ -197,12 +212,15 @@ impl AmbientLight {
         if bleeding != asked {
             notes.push(format!("tissue bleeding {asked}: {bleeding} is used"));
         }
-        let cells = self.cells.reserve(gpu, scene, image, bleeding > 0.0)?.clone();
+        let (cells, larger) = cells_of(&image.buffers.shape().grid, settings.cell_mm);
+        notes.extend(larger);
+        let cells = self.cells.reserve(gpu, image, cells, bleeding > 0.0)?.clone();
         let count = cells.count() as u32;
         self.cells.write(gpu, scene, image, count);
         let known = self.found.take().filter(|found| {
             Arc::ptr_eq(&found.volume, image.volume)
-                && (found.cell_mm, found.radius_mm, found.clusters) == (settings.cell_mm, radius_mm, clusters)
+                && found.cells == cells
+                && (found.radius_mm, found.clusters) == (radius_mm, clusters)
         });
         let cell_bytes = if bleeding > 0.0 { 20 } else { 12 };
         let mut work = LightWork { bytes: cell_bytes * u64::from(count), ..LightWork::default() };
@@ -218,7 +236,7 @@ impl AmbientLight {
                 let neighborhoods = Neighborhoods::of(&field, &cells, radius_mm, clusters as usize);
                 Found {
                     volume: Arc::clone(image.volume),
-                    cell_mm: settings.cell_mm,
+                    cells: cells.clone(),
                     radius_mm,
                     clusters,
                     neighborhoods,

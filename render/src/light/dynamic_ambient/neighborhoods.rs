@@ -13,9 +13,11 @@ use crate::{
     light::{cones::grid::Cells, harmonics::basis::spread},
 };
 
-/// Kinds of tissue: by stored value, and by gradient magnitude (stored values per mm) from these edges on.
+/// Kinds of tissue: by stored value, and by gradient magnitude (usual widths of values per mm) from these edges on.
 const VALUES: usize = 64;
 const STEEPER: [f64; 3] = [0.01, 0.04, 0.12];
+/// Kinds of values beyond the usual ones, on a side that has any: one outlier must not leave all tissue to a single kind.
+const UNUSUAL: usize = 8;
 pub(crate) const BINS: usize = VALUES * (STEEPER.len() + 1);
 /// Of voxels whose value or gradient isn't known.
 const NO_BIN: u16 = u16::MAX;
@@ -78,15 +80,49 @@ fn in_voxels(clip: &[ClipPlane], grid: &Grid) -> Vec<Cut> {
     clip.iter().map(plane).collect()
 }
 
-/// The bin of a voxel.
-fn bin_of(value: f32, steepness: f64) -> u16 {
-    // Beside a value that isn't finite no gradient is known.
-    if value <= NOT_FINITE || steepness >= 1e9 {
-        return NO_BIN;
+/// How values are divided into kinds: the usual ones evenly, those beyond by ever wider steps.
+#[derive(Clone, Copy, Debug)]
+struct Division {
+    usual: [f64; 2],
+    /// Kinds below and above the usual values.
+    beyond: [usize; 2],
+}
+
+impl Division {
+    fn of([low, high]: [f64; 2]) -> Self {
+        let beyond = [low > 0.0, high < 1.0].map(|has_any| if has_any { UNUSUAL } else { 0 });
+        Self { usual: [low, high], beyond }
     }
-    let along = ((value * VALUES as f32) as usize).min(VALUES - 1);
-    let steps = STEEPER.iter().filter(|edge| steepness >= **edge).count();
-    (steps * VALUES + along) as u16
+
+    /// The kind of a stored value, below [`VALUES`].
+    fn along(&self, value: f64) -> usize {
+        let ([low, high], [below, above]) = (self.usual, self.beyond);
+        let width = high - low;
+        // How many steps away of so many; all that there is lies within 0 to 1.
+        let steps = |away: f64, farthest: f64, most: usize| {
+            let share = (away / width).max(0.0).ln_1p() / (farthest / width).ln_1p();
+            ((share * most as f64) as usize).min(most.saturating_sub(1))
+        };
+        if value < low && below > 0 {
+            return below - 1 - steps(low - value, low, below);
+        }
+        if value >= high && above > 0 {
+            return VALUES - above + steps(value - high, 1.0 - high, above);
+        }
+        let within = VALUES - below - above;
+        below + (((value - low) / width * within as f64) as usize).min(within - 1)
+    }
+
+    /// The bin of a voxel.
+    fn bin(&self, value: f32, steepness: f64) -> u16 {
+        // Beside a value that isn't finite no gradient is known.
+        if value <= NOT_FINITE || steepness >= 1e9 {
+            return NO_BIN;
+        }
+        let per_mm = steepness / (self.usual[1] - self.usual[0]);
+        let steps = STEEPER.iter().filter(|edge| per_mm >= **edge).count();
+        (steps * VALUES + self.along(f64::from(value))) as u16
+    }
 }
 
 /// The kinds of all voxels, and what stands for each.
@@ -97,8 +133,9 @@ pub(super) fn kinds_of(field: &Field) -> (Kinds, Vec<Bin>) {
         .with_min_len(1 << 12)
         .map(|l| field.steepness(ijk(dims, l)) as f32)
         .collect();
+    let division = Division::of(field.usual);
     let bin_of_voxel: Vec<u16> =
-        field.values.iter().zip(&steepness).map(|(v, s)| bin_of(*v, f64::from(*s))).collect();
+        field.values.iter().zip(&steepness).map(|(v, s)| division.bin(*v, f64::from(*s))).collect();
     let mut sums = vec![(0.0, 0.0, 0.0); BINS];
     for ((bin, value), steepness) in bin_of_voxel.iter().zip(&field.values).zip(&steepness) {
         if let Some(sum) = sums.get_mut(usize::from(*bin)) {
@@ -237,8 +274,14 @@ impl Neighborhoods {
             // Most of an image is air, and one of its cells is as good as all.
             let plain = histograms.iter().find(|h| h.len() <= 1);
             let varied: Vec<&Histogram> = histograms.iter().filter(|h| h.len() > 1).collect();
-            let every = varied.len().div_ceil(LEARNT_FROM).max(1);
-            plain.into_iter().chain(varied.into_iter().step_by(every)).collect()
+            let every = |count: usize| count.div_ceil(LEARNT_FROM).max(1);
+            if varied.len() < clusters {
+                // Of one kind of tissue, or nearly: cells differ by how much of it there is around them.
+                histograms.iter().step_by(every(histograms.len())).collect()
+            } else {
+                let every = every(varied.len());
+                plain.into_iter().chain(varied.into_iter().step_by(every)).collect()
+            }
         } else {
             histograms.iter().collect()
         };
@@ -262,14 +305,14 @@ impl Neighborhoods {
         let side_mm = |a: usize| world.matrix3.col(a).length() * cells.voxels[a] as f64;
         let beyond_mm = side_mm(0) + side_mm(1) + side_mm(2);
         let is_cut = |n: &usize| {
-            let at_mm = world.transform_point3(middle(cells, *n));
+            let at_mm = world.transform_point3(cells.place(grid, *n));
             let past = |plane: &ClipPlane| plane.normal.dot(at_mm) - plane.offset_mm;
             clip.iter().any(|plane| past(plane) > -radius_mm) && clip.iter().all(|p| past(p) < beyond_mm)
         };
         let cuts = in_voxels(clip, grid);
         let directions = spread(DIRECTIONS, 180.0);
         let of_cell =
-            |n: usize| (n, histogram(&self.kinds, middle(cells, n), &cuts, (&directions, radius_mm)));
+            |n: usize| (n, histogram(&self.kinds, cells.place(grid, n), &cuts, (&directions, radius_mm)));
         (0..cells.count()).into_par_iter().filter(is_cut).map(of_cell).collect()
     }
 
@@ -311,15 +354,9 @@ pub(super) fn light_of(histogram: &Histogram, radius_mm: f64, looks: &[Look]) ->
     ((1.0 - hidden).max(0.0).powi(STRETCHES), color / hidden.max(1e-30))
 }
 
-/// The middle of a cell in voxels.
-fn middle(cells: &Cells, n: usize) -> DVec3 {
-    let p = ijk(cells.dims, n);
-    DVec3::from_array(std::array::from_fn(|a| (p[a] as f64 + 0.5) * cells.voxels[a] as f64 - 0.5))
-}
-
 /// The histogram of every cell.
 pub(super) fn histograms(kinds: &Kinds, cells: &Cells, radius_mm: f64) -> Vec<Histogram> {
     let directions = spread(DIRECTIONS, 180.0);
-    let of_cell = |n: usize| histogram(kinds, middle(cells, n), &[], (&directions, radius_mm));
+    let of_cell = |n: usize| histogram(kinds, cells.place(&kinds.grid, n), &[], (&directions, radius_mm));
     (0..cells.count()).into_par_iter().map(of_cell).collect()
 }

@@ -1,7 +1,7 @@
 //! Dynamic ambient occlusion against brute force in `f64`, against Monte Carlo of the same light, by number of clusters; and what a
 //! change of the transfer function costs.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, sync::Arc};
 
 use glam::DVec3;
 use glioscope_core::{
@@ -16,7 +16,10 @@ use glioscope_core::{
 };
 use rayon::prelude::*;
 
-use super::neighborhoods::{Look, Neighborhoods, histograms, kinds_of, light_of};
+use super::{
+    cells_of,
+    neighborhoods::{Look, Neighborhoods, histograms, kinds_of, light_of},
+};
 use crate::{
     ClipPlane, ContextRenderer, ContextScene,
     image::{tables::Tables, volume::Field},
@@ -41,9 +44,19 @@ fn field_of(scene: &ContextScene) -> Field {
     Field::fitting(scene.volume.as_ref().unwrap(), u64::MAX).unwrap()
 }
 
-fn middle_mm(grid: &Grid, cells: &Cells, n: usize) -> DVec3 {
+/// Where a cell's surroundings are found: in its middle, on the image's face where it is the outermost.
+fn place_mm(grid: &Grid, cells: &Cells, n: usize) -> DVec3 {
     let p = [n % cells.dims[0], n / cells.dims[0] % cells.dims[1], n / (cells.dims[0] * cells.dims[1])];
-    let index: [f64; 3] = std::array::from_fn(|a| (p[a] as f64 + 0.5) * cells.voxels[a] as f64 - 0.5);
+    let index: [f64; 3] = std::array::from_fn(|a| {
+        let edges = [p[a] * cells.voxels[a], (p[a] + 1) * cells.voxels[a]].map(|edge| edge as f64 - 0.5);
+        if p[a] == 0 {
+            edges[0]
+        } else if p[a] + 1 == cells.dims[a] {
+            grid.dims()[a] as f64 - 0.5
+        } else {
+            (edges[0] + edges[1]) / 2.0
+        }
+    });
     grid.world_from_voxel().transform_point3(DVec3::from_array(index))
 }
 
@@ -133,10 +146,10 @@ pub(super) fn max_twin_error() -> f64 {
         for (n, found) in found.iter().enumerate() {
             let past = |plane: &ClipPlane, at_mm: DVec3| plane.normal.dot(at_mm) - plane.offset_mm;
             // Light is interpolated across a cell at most.
-            if clip.iter().any(|plane| past(plane, middle_mm(&grid, &cells, n)) > 6.0 * 3f64.sqrt()) {
+            if clip.iter().any(|plane| past(plane, place_mm(&grid, &cells, n)) > 6.0 * 3f64.sqrt()) {
                 continue;
             }
-            let middle = grid.voxel_from_world().transform_point3(middle_mm(&grid, &cells, n));
+            let middle = grid.voxel_from_world().transform_point3(place_mm(&grid, &cells, n));
             let (mut hidden, mut color) = (0.0, DVec3::ZERO);
             for direction in &directions {
                 for mm in 0..8 {
@@ -200,7 +213,7 @@ fn more_clusters_come_nearer_to_each_cells_own_histogram() {
         .into_par_iter()
         .map(|n| {
             let mut random = Random::new(5, n as u64);
-            let at_mm = middle_mm(&field.grid, &cells, n);
+            let at_mm = place_mm(&field.grid, &cells, n);
             let light: Vec<f64> = (0..200)
                 .map(|_| {
                     let direction = direction(Phase::Isotropic, DVec3::Z, &mut random);
@@ -295,6 +308,49 @@ fn pictures_are_near_monte_carlo() {
     }
 }
 
+/// One voxel far beyond all others, such as metal in CT, leaves the light of the rest: its tissues are still told apart.
+#[test]
+fn an_outlier_leaves_the_light_of_all_else() {
+    let scene = scene(false, false, Projection::Perspective);
+    let image = Arc::clone(scene.volume.as_ref().unwrap().image());
+    let grid = image.grid().clone();
+    let (cells, spoilt) = (Cells::new(&grid, 6.0), [4, 4, 4]);
+    let mut renderer = ContextRenderer::new(&GPU).unwrap();
+    let quality = lit(6.0, 1024);
+    let plain = drawn(&mut renderer, &scene, &quality);
+    let spoilt_mm = grid.world_from_voxel().transform_point3(DVec3::splat(4.0));
+    for outlier in [1e4, 1e38, -1e5, -3.4e38] {
+        let mut values: Vec<f64> = (0..grid.voxel_count()).map(|l| image.value(l)).collect();
+        values[grid.linear(spoilt)] = outlier;
+        let found = drawn(
+            &mut renderer,
+            &ContextScene { volume: Some(image_of(&grid, values)), ..scene.clone() },
+            &quality,
+        );
+        let far =
+            (0..cells.count()).filter(|n| place_mm(&grid, &cells, *n).distance(spoilt_mm) > RADIUS_MM + 1.0);
+        let off: Vec<f64> = far.map(|n| (found[n] - plain[n]).abs()).collect();
+        let worst = off.iter().copied().fold(0.0, f64::max);
+        println!("{outlier}: {} cells, off by {worst:.4}", off.len());
+        assert!(off.len() > 180 && worst < 0.03, "{outlier}: {} cells, {worst}", off.len());
+    }
+}
+
+/// Cells whose surroundings would take minutes are larger, and that is said; others are as asked for.
+#[test]
+fn cells_that_would_be_too_many_are_larger() {
+    let grid = |dims| Grid::axis_aligned(dims, DVec3::ONE, DVec3::ZERO).unwrap();
+    let (cells, note) = cells_of(&grid([256; 3]), 1.0);
+    assert_eq!(
+        (cells.voxels, note.as_deref()),
+        ([2; 3], Some("cells of 1 mm: 2 mm is used, for at most 2097152 cells"))
+    );
+    for (dims, side_mm) in [([256; 3], 2.0), ([240, 240, 155], 4.0), ([100; 3], 0.01), ([8; 3], f64::NAN)] {
+        let (cells, note) = cells_of(&grid(dims), side_mm);
+        assert_eq!((cells, note), (Cells::new(&grid(dims), side_mm), None));
+    }
+}
+
 /// A cut through opaque tissue is lit: a cell behind it by the share of its ways that are open, to the power of three stretches.
 #[test]
 fn a_cut_through_opaque_tissue_is_lit() {
@@ -314,6 +370,28 @@ fn a_cut_through_opaque_tissue_is_lit() {
     let truth = 0.5 * (1.0 - depth + depth * depth.ln());
     println!("{closed} {open} {truth}");
     assert!(closed < 1e-4 && (open.cbrt() - truth).abs() < 0.03, "{closed} {open} {truth}");
+}
+
+/// Tissue that the image ends in is lit on its faces, as the same tissue would be with air about it.
+#[test]
+fn tissue_that_the_image_ends_in_is_lit() {
+    let mut scene = scene(false, false, Projection::Orthographic);
+    let grid = scene.volume.as_ref().unwrap().grid().clone();
+    scene.volume = Some(image_of(&grid, vec![90.0; grid.voxel_count()]));
+    scene.transfer = transfer(false, 0.9);
+    let medium = scene.medium().unwrap();
+    let (size, near) = ([24, 22], Phase::Near { radius_mm: RADIUS_MM });
+    let truth = monte_carlo::picture(&medium, &scene.camera, size, near, DVec3::ZERO, 200, 7);
+    let truth = truth.iter().map(|e| e.mean.element_sum()).sum::<f64>();
+    let mut renderer = ContextRenderer::new(&GPU).unwrap();
+    // The light of edges reaches over a cell.
+    for (cell_mm, most) in [(2.0, 1.25), (4.0, 1.25), (6.0, 1.5)] {
+        let quality = Quality { occlusion_strength: 1.0, context_step_mm: 0.25, ..lit(cell_mm, 128) };
+        let frame = renderer.render(&GPU, &scene, &quality, size).unwrap();
+        let found: f64 = frame.read_marched(&GPU).iter().map(|f| f.rgba()[..3].iter().sum::<f64>()).sum();
+        println!("cells of {cell_mm} mm: {:.3} of the light", found / truth);
+        assert!((0.75..most).contains(&(found / truth)), "cells of {cell_mm} mm: {found} {truth}");
+    }
 }
 
 /// Closed forms: where all directions are alike, the light through their way; in the middle of opaque tissue, none. A flat surface of

@@ -29,6 +29,7 @@ use self::{
 use super::{
     cones::{
         cell_dispatches,
+        grid::Cells,
         medium::{Medium, image_medium},
         settings::ConeSettings,
         uniforms::Cones,
@@ -385,6 +386,7 @@ impl HarmonicLight {
             everywhere: scene.opaque == Opaque::Anywhere,
             tinted: settings.bleeding > 0.0,
         };
+        let cells = Cells::new(&image.buffers.shape().grid, key.cell_mm);
         let held = self.held.take();
         let is_done = |held: &Projection| held.key.same(&key) && (!held.pending || passes.completed(PROJECT));
         if held.as_ref().is_some_and(is_done) {
@@ -393,13 +395,13 @@ impl HarmonicLight {
             let read = held.as_ref().map_or(0, |held| held.projected.size());
             self.work = Some(LightWork { slices: 0, samples: 0, bytes: read });
             self.held = held;
-            self.cells.reserve(gpu, scene, image, key.tinted)?;
+            self.cells.reserve(gpu, image, cells, key.tinted)?;
             self.cells.write(gpu, scene, image, needed);
             return Ok(());
         }
         // Cells that aren't looked up now may have been before.
         self.cells.release();
-        let cells = self.cells.reserve(gpu, scene, image, key.tinted)?.clone();
+        let cells = self.cells.reserve(gpu, image, cells, key.tinted)?.clone();
         let tinted = key.tinted;
         let is_usable =
             |held: &Projection| held.key.has_image(image) && (held.medium.colors.is_some() || !tinted);

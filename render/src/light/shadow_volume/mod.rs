@@ -137,8 +137,10 @@ impl Light for ShadowVolumeLight {
         let mut step_mm = 1.0;
         self.work = None;
         if let Some(image) = scene.image.filter(|_| plan.has(SWEEP)) {
-            step_mm = image.buffers.shape().grid.spacing_mm().min_element();
-            let count = self.cells.reserve(gpu, scene, &image, false)?.count();
+            let grid = &image.buffers.shape().grid;
+            step_mm = grid.spacing_mm().min_element();
+            let cells = Cells::new(grid, scene.quality.lighting.cell_mm);
+            let count = self.cells.reserve(gpu, &image, cells, false)?.count();
             self.cells.write(gpu, scene, &image, count as u32);
             self.lamp.write(gpu, light, step_mm);
             self.bind_open(gpu, passes, plan, scene)?;

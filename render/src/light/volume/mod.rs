@@ -14,7 +14,6 @@ const TINT_BINDING: u32 = 39;
 
 struct Held {
     grid: Grid,
-    cell_mm: f64,
     cells: Cells,
     /// For each cell what the image lets through, and what both the image and opaque geometry do.
     light: wgpu::Buffer,
@@ -38,31 +37,30 @@ impl CellLight {
         self.held = None;
     }
 
-    /// Room for the cells of an image; `tinted`: whether light has a colour.
+    /// Room for these cells of an image; `tinted`: whether light has a colour.
     ///
     /// # Errors
     /// [`RenderError`]: they don't fit.
     pub fn reserve(
         &mut self,
         gpu: &Gpu,
-        scene: &LitScene<'_>,
         image: &LitImage<'_>,
+        cells: Cells,
         tinted: bool,
     ) -> Result<&Cells, RenderError> {
-        let (grid, cell_mm) = (&image.buffers.shape().grid, scene.quality.lighting.cell_mm);
+        let grid = &image.buffers.shape().grid;
         let known = self
             .held
             .take()
-            .filter(|held| held.grid == *grid && held.cell_mm == cell_mm && held.tints.is_some() == tinted);
+            .filter(|held| held.grid == *grid && held.cells == cells && held.tints.is_some() == tinted);
         let held = match known {
             Some(held) => held,
             None => {
-                let cells = Cells::new(grid, cell_mm);
                 let bytes = 8 * cells.count() as u64;
                 gpu.check_size("cells of light", bytes)?;
                 let light = gpu.buffer("CellLight::light", bytes, WRITTEN);
                 let tints = tinted.then(|| gpu.buffer("CellLight::tints", bytes, WRITTEN));
-                Held { grid: grid.clone(), cell_mm, cells, light, tints }
+                Held { grid: grid.clone(), cells, light, tints }
             }
         };
         Ok(&self.held.insert(held).cells)

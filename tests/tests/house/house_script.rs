@@ -270,7 +270,13 @@ fn what_failed_is_said_last() -> Outcome {
     glioscope_core::files::write_whole(&log, text.as_bytes())?;
     let output = machine.bash(&format!("summarise_tests '{}'", log.display()))?;
     let said = lines(&output.stdout);
-    let last = ["1 passed, 1 failed", "", "FAILED: a::bad", "thread 'a::bad' panicked at a.rs:1:1:", "found 3, expected 4"];
+    let last = [
+        "1 passed, 1 failed",
+        "",
+        "FAILED: a::bad",
+        "thread 'a::bad' panicked at a.rs:1:1:",
+        "found 3, expected 4",
+    ];
     assert_eq!(said[said.len() - last.len()..], last);
     Ok(())
 }

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::{
-    Change, ChangeOptions, Choice, NotSaid, Surroundings, Tissue, TissueCounts, between_with_surroundings,
-    change, surroundings as around, surroundings::of_images,
+    Change, ChangeOptions, Choice, NotSaid, Surroundings, TissueCounts, between_with_surroundings, change,
+    surroundings as around, surroundings::of_images,
 };
 use crate::{
     Grid, Mask, MaskBits, Progress, Samples, Scaling, Volume,

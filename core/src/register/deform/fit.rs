@@ -25,6 +25,8 @@ const CAUCHY: f64 = 2.385;
 const MAD: f64 = 1.4826;
 /// Scale of residuals at least, of the intensities' range.
 const MIN_SCALE: f64 = 0.01;
+/// Value above which an image shows something, of its tissue's range.
+const BACKGROUND: f64 = 0.05;
 /// Volume of a level's point spread in cubes of its resolution: values within it are one measurement. `(0.6·√(4π))³`.
 const ALIKE: f64 = 9.62;
 /// Share of what differences tell by their noise that is believed: most of what differs in real images isn't noise.
@@ -195,7 +197,7 @@ struct Seen {
 
 /// What a resolution ended with.
 pub(crate) struct Resolved {
-    pub correlations: [f64; 2],
+    pub correlation: f64,
     pub evidence: Vec<Evidence>,
     pub tissue_ml: f64,
     pub least_ratio: f64,
@@ -238,25 +240,17 @@ impl Fit {
         resolution_mm: f64,
         progress: &Progress,
     ) -> Result<Resolved, DeformError> {
-        let extent_mm = points.list.iter().fold(DVec3::ONE, |most, p| most.max(p.at_mm.abs()));
-        let fixed: Vec<f64> = points.list.iter().map(|p| p.value).collect();
-        let seen = moving.values.iter().filter(|v| v.is_finite()).map(|v| f64::from(*v)).collect();
-        let scales = [
-            scale_of(fixed).ok_or(DeformError::Constant(Which::Fixed))?,
-            scale_of(seen).ok_or(DeformError::Constant(Which::Moving))?,
-        ];
-        let work = Work { points, moving, scales, extent_mm };
+        let work = Work::new(points, moving)?;
         let alike = (ALIKE * resolution_mm.powi(3) / points.voxel_mm3).max(1.0);
         let mut seen = self.seen(&work);
         let mut gain = work.gain(&seen);
-        let before = work.correlation(&seen, &gain);
         let mut steps = 0;
         // From where all residuals count to where only those as small as most do: tissue that isn't aligned yet is no outlier.
         let mut tolerant = 2.0 * root_mean_square(&work.residuals(&seen, &gain));
         for step in 0..self.most_steps {
             progress.check()?;
             let residuals = work.residuals(&seen, &gain);
-            let own = spread(&residuals);
+            let own = work.spread(&residuals);
             let scale = tolerant.max(own);
             tolerant *= TOLERANCE_STEP;
             let state = State { seen, residuals };
@@ -292,7 +286,7 @@ impl Fit {
         }
         let residuals = work.residuals(&seen, &gain);
         let mut evidence = vec![Evidence::NONE; self.lattice.cells().iter().product()];
-        let scale = spread(&residuals);
+        let scale = work.spread(&residuals);
         let mut start = 0;
         for (cell, end) in &points.ends {
             for n in start..*end {
@@ -308,12 +302,19 @@ impl Fit {
         let counted = points.list.iter().zip(&residuals).filter(|(_, r)| r.is_some());
         let counted: f64 = counted.map(|(point, _)| point.share).sum();
         Ok(Resolved {
-            correlations: [before, work.correlation(&seen, &gain)],
+            correlation: work.correlation(&seen, &gain),
             evidence,
             tissue_ml: counted * points.voxel_mm3 / 1000.0,
             least_ratio,
             steps,
         })
+    }
+
+    /// Correlation of the images as the lattice lays them.
+    pub fn correlation(&self, points: &Points, moving: &Level) -> Result<f64, DeformError> {
+        let work = Work::new(points, moving)?;
+        let seen = self.seen(&work);
+        Ok(work.correlation(&seen, &work.gain(&seen)))
     }
 
     /// The moving image where the points are displaced to.
@@ -439,7 +440,18 @@ fn conjugate(
     Ok(x)
 }
 
-impl Work<'_> {
+impl<'a> Work<'a> {
+    fn new(points: &'a Points, moving: &'a Level) -> Result<Self, DeformError> {
+        let extent_mm = points.list.iter().fold(DVec3::ONE, |most, p| most.max(p.at_mm.abs()));
+        let fixed: Vec<f64> = points.list.iter().map(|p| p.value).collect();
+        let seen = moving.values.iter().filter(|v| v.is_finite()).map(|v| f64::from(*v)).collect();
+        let scales = [
+            scale_of(fixed).ok_or(DeformError::Constant(Which::Fixed))?,
+            scale_of(seen).ok_or(DeformError::Constant(Which::Moving))?,
+        ];
+        Ok(Self { points, moving, scales, extent_mm })
+    }
+
     /// The fixed image's value at point `n`, scaled.
     fn value(&self, n: usize) -> f64 {
         let [[low, range], _] = self.scales;
@@ -487,7 +499,7 @@ impl Work<'_> {
             let (matrix, right) = sum.split_at(GAIN * GAIN);
             let Some(found) = solve(matrix, right) else { break };
             gain.copy_from_slice(&found);
-            scale = spread(&self.residuals(seen, &gain));
+            scale = self.spread(&self.residuals(seen, &gain));
         }
         gain
     }
@@ -503,12 +515,30 @@ impl Work<'_> {
         seen.par_iter().enumerate().map(of).collect()
     }
 
-    /// Correlation of the fixed image and the moving one after the gain.
+    /// The two images' values of residuals where either shows more than background, whose differences are small whatever moves.
+    fn shown(&self, residuals: &[Option<(f64, f64)>]) -> impl Iterator<Item = [f64; 2]> {
+        let values = residuals.iter().enumerate().filter_map(|(at, residual)| {
+            let f = self.value(at);
+            residual.as_ref().map(|(r, _)| [f, f - r])
+        });
+        values.filter(|[f, m]| f.max(*m) > BACKGROUND)
+    }
+
+    /// Standard deviation of residuals, by their median.
+    fn spread(&self, residuals: &[Option<(f64, f64)>]) -> f64 {
+        let mut values: Vec<f64> = self.shown(residuals).map(|[f, m]| (f - m).abs()).collect();
+        if values.is_empty() {
+            return 1.0;
+        }
+        let middle = values.len() / 2;
+        (MAD * *values.select_nth_unstable_by(middle, f64::total_cmp).1).max(MIN_SCALE)
+    }
+
+    /// Correlation of the fixed image and the moving one after the gain, where both show more than background.
     fn correlation(&self, seen: &[Option<Seen>], gain: &[f64; GAIN]) -> f64 {
         let (mut n, mut sf, mut sm, mut ff, mut mm, mut fm) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-        for (at, residual) in self.residuals(seen, gain).into_iter().enumerate() {
-            let Some((r, _)) = residual else { continue };
-            let (f, m) = (self.value(at), self.value(at) - r);
+        let residuals = self.residuals(seen, gain);
+        for [f, m] in self.shown(&residuals).filter(|[f, m]| f.min(*m) > BACKGROUND) {
             (n, sf, sm) = (n + 1.0, sf + f, sm + m);
             (ff, mm, fm) = (ff + f * f, mm + m * m, fm + f * m);
         }
@@ -560,16 +590,6 @@ fn cauchy(r: f64, scale: f64) -> f64 {
 fn root_mean_square(residuals: &[Option<(f64, f64)>]) -> f64 {
     let (sum, count) = residuals.iter().flatten().fold((0.0, 0.0), |(sum, n), (r, _)| (sum + r * r, n + 1.0));
     (sum / f64::max(count, 1.0)).sqrt()
-}
-
-/// Standard deviation of residuals, by their median.
-fn spread(residuals: &[Option<(f64, f64)>]) -> f64 {
-    let mut values: Vec<f64> = residuals.iter().flatten().map(|(r, _)| r.abs()).collect();
-    if values.is_empty() {
-        return 1.0;
-    }
-    let middle = values.len() / 2;
-    (MAD * *values.select_nth_unstable_by(middle, f64::total_cmp).1).max(MIN_SCALE)
 }
 
 /// Lower end and range of an image's tissue; `None` for a constant one.

@@ -180,8 +180,9 @@ pub fn deform(
     let levels = |volume| fit::levels(volume, centre_mm, &resolutions, progress);
     let (fixed, moving) = (levels(&fixed)?, levels(&moving)?);
     let lattice = Lattice::over(low_mm - centre_mm, high_mm - centre_mm, options.spacing_mm);
+    let still = Fit::new(lattice.clone(), 0);
     let mut fit = Fit::new(lattice, options.most_steps);
-    let mut first = None;
+    let mut before = 0.0;
     let mut done: Option<Resolved> = None;
     let mut steps = 0;
     for ((fixed, moving), resolution_mm) in fixed.iter().zip(&moving).zip(&resolutions) {
@@ -192,11 +193,11 @@ pub fn deform(
         }
         let resolved = fit.run(&points, moving, *resolution_mm, progress)?;
         steps += resolved.steps;
-        first.get_or_insert(resolved.correlations[0]);
+        before = still.correlation(&points, moving)?;
         done = Some(resolved);
     }
     let done = done.ok_or(DeformError::NoLesion)?;
-    let [before, correlation] = done.correlations;
+    let correlation = done.correlation;
     if correlation.is_nan() || correlation < LEAST_CORRELATION {
         return Err(DeformError::Disagree { correlation });
     }

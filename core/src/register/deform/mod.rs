@@ -11,9 +11,11 @@
 
 mod fit;
 mod lattice;
+mod points;
 mod region;
 #[cfg(test)]
 mod tests;
+mod work;
 
 use glam::DVec3;
 
@@ -23,9 +25,11 @@ use super::{
     types::{Image, Options, Which},
 };
 use crate::{Cancelled, Progress};
-use fit::{Evidence, Fit, Resolved, Shells};
+use fit::{Fit, Resolved};
 use lattice::Lattice;
+use points::{Shells, levels, points};
 use region::{Region, around};
+use work::Evidence;
 
 /// Tissue that must be seen around a lesion at least.
 const LEAST_ML: f64 = 5.0;
@@ -177,8 +181,8 @@ pub fn deform(
         .map(|(_, mm)| mm)
         .collect();
     progress.expect((resolutions.len() * options.most_steps) as u64);
-    let levels = |volume| fit::levels(volume, centre_mm, &resolutions, progress);
-    let (fixed, moving) = (levels(&fixed)?, levels(&moving)?);
+    let at_each = |volume| levels(volume, centre_mm, &resolutions, progress);
+    let (fixed, moving) = (at_each(&fixed)?, at_each(&moving)?);
     let lattice = Lattice::over(low_mm - centre_mm, high_mm - centre_mm, options.spacing_mm);
     let still = Fit::new(lattice.clone(), 0);
     let mut fit = Fit::new(lattice, options.most_steps);
@@ -186,7 +190,7 @@ pub fn deform(
     let mut done: Option<Resolved> = None;
     let mut steps = 0;
     for ((fixed, moving), resolution_mm) in fixed.iter().zip(&moving).zip(&resolutions) {
-        let points = fit::points(fixed, &fit.lattice, &shells, *resolution_mm, centre_mm);
+        let points = points(fixed, &fit.lattice, &shells, *resolution_mm, centre_mm);
         let found_ml = points.volume_ml();
         if found_ml < LEAST_ML {
             return Err(DeformError::TooLittle { found_ml });

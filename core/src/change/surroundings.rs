@@ -256,9 +256,9 @@ pub(super) fn of_images(
         found.tissue.push(tissue);
         let Some((group, sum_mm)) = groups.get_mut(vector.group as usize) else { continue };
         if vector.signed_mm > 0.0 {
-            group.growth.add(tissue)
+            group.growth.add(tissue);
         } else {
-            group.recession.add(tissue)
+            group.recession.add(tissue);
         }
         if tissue == Tissue::Moved {
             *sum_mm += along_mm;

@@ -190,7 +190,7 @@ fn in_the_sample_nothing_was_displaced_and_what_is_missing_is_said() {
     }
     let asked = why(&flat);
     assert_eq!((asked.image.as_deref(), asked.not_said), (Some("FLAIR"), None));
-    let mut same = case.clone();
+    let mut same = case;
     same.time_points[1].masks = same.time_points[0].masks.clone();
     let (report, ..) = look(&same);
     assert_eq!(report.surroundings.unwrap().not_said, Some(NotSaid::NothingMoved));

@@ -207,13 +207,13 @@ impl Fit {
             for ((cell, _), (squares, _)) in ends.iter().zip(&sums) {
                 forces[*cell] = *squares * moved[*cell];
             }
-            let mut out = lattice.from_cells(forces);
+            let mut out = lattice.onto_control(forces);
             out.iter_mut().zip(self.held(control)).for_each(|(out, held)| *out += held);
             out
         };
         let held = self.held(&lattice.coefficients);
         let right: Vec<DVec3> =
-            lattice.from_cells(moments).iter().zip(held).map(|(pull, held)| *pull - held).collect();
+            lattice.onto_control(moments).iter().zip(held).map(|(pull, held)| *pull - held).collect();
         let own = self.stiffness() * BENDING_DIAGONAL + 1.0 / (USUAL_MM * USUAL_MM);
         let diagonal: Vec<DVec3> = lattice.diagonal(diagonal).into_iter().map(|d| d + own).collect();
         let step = conjugate(times, &right, &diagonal, progress)?;

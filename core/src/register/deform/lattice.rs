@@ -148,11 +148,11 @@ impl Lattice {
     }
 
     /// The transpose of [`Lattice::to_cells`].
-    pub fn from_cells(&self, cells: Vec<DVec3>) -> Vec<DVec3> {
+    pub fn onto_control(&self, cells: Vec<DVec3>) -> Vec<DVec3> {
         self.scattered_all(cells, Weight::Plain)
     }
 
-    /// As [`Lattice::from_cells`] with squared weights: the diagonal of a sum over cells.
+    /// As [`Lattice::onto_control`] with squared weights: the diagonal of a sum over cells.
     pub fn diagonal(&self, cells: Vec<DVec3>) -> Vec<DVec3> {
         self.scattered_all(cells, Weight::Squared)
     }
@@ -316,7 +316,7 @@ mod tests {
         }
         let dot = |a: &[DVec3], b: &[DVec3]| a.iter().zip(b).map(|(a, b)| a.dot(*b)).sum::<f64>();
         let weighted = any(at_cells.len());
-        let back = lattice.from_cells(weighted.clone());
+        let back = lattice.onto_control(weighted.clone());
         let apart = dot(&at_cells, &weighted) - dot(&lattice.coefficients, &back);
         assert!(apart.abs() < 1e-9, "{apart}");
         // A symmetric matrix whose diagonal is as stated in the middle.

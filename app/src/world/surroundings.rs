@@ -76,7 +76,7 @@ mod tests {
     fn the_samples_tissue_stayed_and_a_date_without_images_is_said() {
         let mut spec = sample::sample_spec();
         let ask = Ask { wait: true, ..Ask::default() };
-        let mut look = |spec: &glioscope_core::case::CaseSpec| {
+        let look = |spec: &glioscope_core::case::CaseSpec| {
             let case = Arc::new(
                 glioscope_core::case::load(spec, &LoadOptions::default(), &Progress::new()).unwrap(),
             );

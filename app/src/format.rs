@@ -1,6 +1,8 @@
 //! Numbers formatted for display. `--json` has full precision.
 
-use glioscope_core::change::{DisplacementReport, Explains};
+use glioscope_core::change::{
+    DisplacementReport, Explains, GroupReport, NotSaid, SurroundingsReport, TissueCounts,
+};
 
 /// A volume with one to four decimals, more for smaller values: `12.34 ml`, `0.012 ml`. `unknown` where it isn't
 /// finite.
@@ -59,6 +61,61 @@ pub fn displacement(found: &DisplacementReport) -> Option<String> {
     Some(format!("displaced by {length} (± {uncertain}){what}"))
 }
 
+/// What is said of a component that moved rather than grew: by its masks, and by the tissue around it.
+pub fn displaced(group: &GroupReport) -> Vec<String> {
+    let tissue = group.tissue.as_ref();
+    let by_masks = group.displacement.as_ref().and_then(displacement).map(|text| {
+        match tissue.and_then(|tissue| tissue.moved()) {
+            None => format!("{text}, by its masks alone"),
+            Some(true) => format!("{text}, as the tissue around it was"),
+            Some(false) => {
+                format!(
+                    "{text}, by its masks; the tissue around it stayed: grown on one side, shrunk on another?"
+                )
+            }
+        }
+    });
+    let share = |counts: &TissueCounts, was: &str, way: &str| {
+        let share = counts.displaced_share();
+        (share >= LEAST_MARKED).then(|| {
+            format!(
+                "displaced, not {was}? The tissue moved with {:.0} % of the surface that {way}",
+                share * 100.0
+            )
+        })
+    };
+    let by_tissue = tissue.into_iter().flat_map(|tissue| {
+        let [all, unknown] = [tissue.growth, tissue.recession]
+            .into_iter()
+            .fold([0, 0], |[all, unknown], counts| [all + counts.vectors, unknown + counts.unknown]);
+        let unseen = unknown as f64 / all.max(1) as f64;
+        let unseen = (unseen >= MUCH_UNSEEN).then(|| {
+            format!(
+                "displaced or grown can't be told at {:.0} % of what moved: its image shows no texture there",
+                unseen * 100.0
+            )
+        });
+        [share(&tissue.growth, "grown", "grew"), share(&tissue.recession, "shrunk", "shrank"), unseen]
+    });
+    by_masks.into_iter().chain(by_tissue.flatten()).collect()
+}
+
+/// Why the tissue around a lesion says nothing.
+pub fn tissue_not_said(around: &SurroundingsReport) -> String {
+    let why = match around.not_said {
+        Some(NotSaid::NoImage | NotSaid::OtherSequence | NotSaid::NothingMoved) | None => around.why.clone(),
+        Some(_) => {
+            around.why.as_ref().zip(around.image.as_ref()).map(|(why, image)| format!("{image}: {why}"))
+        }
+    };
+    format!("displaced or grown can't be told by the tissue around: {}", why.unwrap_or_default())
+}
+
+/// Share of a surface that moved from which it is told that the tissue did; fewer places are so by chance.
+pub const LEAST_MARKED: f64 = 0.05;
+/// Share of it from which it is told that the tissue can't be seen.
+const MUCH_UNSEEN: f64 = 0.2;
+
 /// A number without trailing zeros: `20`, `0.5`.
 pub fn plain(value: f64) -> String {
     format!("{value}")
@@ -107,6 +164,52 @@ pub fn hex([r, g, b]: [u8; 3]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn displaced_says_by_what_it_is_told() {
+        use glioscope_core::change::{Fate, Lengths, TissueReport};
+        let counts = |vectors, displaced, unknown| TissueCounts { vectors, displaced, unknown };
+        let none = Lengths::of(Vec::new());
+        let group = |explains, tissue: Option<[TissueCounts; 2]>| GroupReport {
+            fate: Fate::Matched,
+            small: false,
+            from: Vec::new(),
+            to: Vec::new(),
+            kept_ml: 1.0,
+            growth: none,
+            recession: none,
+            displacement: Some(DisplacementReport {
+                length_mm: 3.0,
+                by_mm: [3.0, 0.0, 0.0],
+                uncertainty_mm: 1.0,
+                volume_uncertainty_ml: 0.2,
+                grew_share: 0.0,
+                shrank_share: 0.0,
+                left_mm: 0.0,
+                explains,
+            }),
+            tissue: tissue.map(|[growth, recession]| TissueReport { growth, recession, moved_mm: Some(2.0) }),
+        };
+        let by_masks = "displaced by 3.0 mm (± 1.0 mm), not grown";
+        assert_eq!(displaced(&group(Explains::All, None)), [format!("{by_masks}, by its masks alone")]);
+        let moved = Some([counts(100, 84, 0), counts(100, 90, 10)]);
+        assert_eq!(
+            displaced(&group(Explains::All, moved)),
+            [
+                format!("{by_masks}, as the tissue around it was"),
+                "displaced, not grown? The tissue moved with 84 % of the surface that grew".into(),
+                "displaced, not shrunk? The tissue moved with 90 % of the surface that shrank".into(),
+            ]
+        );
+        let stayed = displaced(&group(Explains::All, Some([counts(100, 3, 0), counts(100, 0, 0)])));
+        assert_eq!(stayed.len(), 1);
+        assert!(stayed[0].contains("the tissue around it stayed"), "{stayed:?}");
+        let unseen = displaced(&group(Explains::Little, Some([counts(100, 0, 50), counts(0, 0, 0)])));
+        assert_eq!(
+            unseen,
+            ["displaced or grown can't be told at 50 % of what moved: its image shows no texture there"]
+        );
+    }
 
     #[test]
     fn a_displacement_says_what_it_explains_and_how_sure_it_is() {

@@ -16,6 +16,7 @@ use crate::{
     format,
     model::{REGISTRATION_MM, lesions::SMALLEST_ML},
     output,
+    world::surroundings,
 };
 
 /// Level of detail of the skeleton.
@@ -94,12 +95,13 @@ pub(super) fn run(arguments: &ChangeArguments) -> Result<(), AppError> {
     };
     let (of, from, to) = (arguments.of.as_deref(), arguments.from.as_deref(), arguments.to.as_deref());
     let choice = resolve::change(&case, of, from, to)?;
-    let result =
-        terminal::with_progress(|progress| change::between(&case, &choice, &options, None, progress));
-    let (report, change) = result?;
+    let result = terminal::with_progress(|progress| {
+        change::between_with_surroundings(&case, &choice, &options, None, progress)
+    });
+    let (report, change, around) = result?;
     terminal::notes(report.own_warnings(&case));
     if let Some(path) = &arguments.csv {
-        output::write(path, &case.inputs, &change::csv(&change))?;
+        output::write(path, &case.inputs, &change::csv(&change, Some(&around)))?;
     }
     let checked = arguments.self_check.then(|| {
         let options = Options { change: options, ..Options::default() };
@@ -197,8 +199,7 @@ fn table(r: &ChangeReport) -> String {
             if list.is_empty() { "nothing".into() } else { list.join(" + ") }
         };
         let fate: &str = group.fate.into();
-        let displaced = group.displacement.as_ref().and_then(format::displacement);
-        let displaced = displaced.map_or_else(String::new, |text| format!("; {text}"));
+        let displaced: String = format::displaced(group).iter().map(|text| format!("; {text}")).collect();
         lines.push(format!(
             "component {number}: {fate} ({} to {}){displaced}",
             ml(&group.from),
@@ -208,9 +209,17 @@ fn table(r: &ChangeReport) -> String {
     if r.components.len() > 20 {
         lines.push(format!("… and {} components more", r.components.len() - 20));
     }
-    if r.components.iter().any(|group| group.displacement.as_ref().and_then(format::displacement).is_some()) {
+    let by_masks =
+        |group: &change::GroupReport| group.displacement.as_ref().and_then(format::displacement).is_some();
+    if r.components.iter().any(|group| by_masks(group) && group.tissue.is_none()) {
         lines.push("displaced: growth on one side with shrinkage on the other looks the same".to_owned());
     }
+    if r.components.iter().any(|group| group.tissue.is_some_and(|tissue| tissue.moved_mm.is_some())) {
+        lines.push(
+            "displaced?: a lesion that grows and pushes the tissue before it looks the same".to_owned(),
+        );
+    }
+    lines.extend(surroundings::line(r).map(|line| line.text));
     let flags: Vec<&str> = r.flags.iter().map(Into::into).collect();
     if !flags.is_empty() {
         lines.push(format!("flags: {}", flags.join(", ")));

@@ -3,7 +3,7 @@
 use glioscope_core::{
     Check, Severity,
     case::{Case, TimePoint},
-    change::{ChangeReport, Explains, GroupReport, Lengths},
+    change::{ChangeReport, Explains, GroupReport, Lengths, NotSaid},
     dates, decimal,
     lesions::{
         EventKind, LesionDate, LesionReport, LesionsReport, LinkState, Values, diameters::DiameterMode,
@@ -475,14 +475,63 @@ impl Content<'_> {
                 ("by", by),
                 ("uncertainty", uncertainty),
             ];
-            Some(words.with(key, &values))
+            let told_by = match group.tissue.as_ref().and_then(|tissue| tissue.moved()) {
+                None => "displaced-by-masks",
+                Some(true) => "displaced-with-tissue",
+                Some(false) => "displaced-tissue-stayed",
+            };
+            Some(format!("{} {}", words.with(key, &values), words.get(told_by)))
         };
         let mut sentences: Vec<String> = change.components.iter().filter_map(sentence).collect();
-        if sentences.is_empty() {
-            return None;
+        if !sentences.is_empty() {
+            sentences.push(words.get("displaced-note"));
         }
-        sentences.push(words.get("displaced-note"));
-        Some(sentences.join(" "))
+        sentences.extend(self.moved_with_tissue(change));
+        (!sentences.is_empty()).then(|| sentences.join(" "))
+    }
+
+    /// What the tissue around a change says of it, or why it says nothing.
+    fn moved_with_tissue(&self, change: &ChangeReport) -> Vec<String> {
+        let words = self.words;
+        let named = || {
+            [
+                ("mask", self.name(&change.mask)),
+                ("between", format!("{} \u{2192} {}", change.from, change.to)),
+            ]
+        };
+        let mut sentences = Vec::new();
+        for group in &change.components {
+            let Some(tissue) = &group.tissue else { continue };
+            let volume_ml: f64 = group.to.iter().map(|part| part.volume_ml).sum();
+            for (key, counts) in
+                [("tissue-not-grown", tissue.growth), ("tissue-not-shrunk", tissue.recession)]
+            {
+                if counts.displaced_share() < format::LEAST_MARKED {
+                    continue;
+                }
+                let share = words.number(&format!("{:.0} %", counts.displaced_share() * 100.0));
+                let rest =
+                    [("volume", words.ml(volume_ml)), ("share", share), ("by", words.mm(tissue.moved_mm))];
+                sentences.push(words.with(key, &named().into_iter().chain(rest).collect::<Vec<_>>()));
+            }
+        }
+        if !sentences.is_empty() {
+            sentences.push(words.get("tissue-note"));
+        }
+        let why = change.surroundings.as_ref().and_then(|around| around.not_said).and_then(|why| match why {
+            NotSaid::NothingMoved => None,
+            NotSaid::NoImage => Some("tissue-no-image"),
+            NotSaid::OtherSequence => Some("tissue-other-sequence"),
+            NotSaid::TooLittleTissue => Some("tissue-too-little"),
+            NotSaid::TooLittleInCommon => Some("tissue-nothing-common"),
+            NotSaid::FitFailed => Some("tissue-fit-failed"),
+        });
+        if let Some(why) = why {
+            let why = [("why", words.get(why))];
+            sentences
+                .push(words.with("tissue-not-said", &named().into_iter().chain(why).collect::<Vec<_>>()));
+        }
+        sentences
     }
 
     fn change_table(&self) -> Table {

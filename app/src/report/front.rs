@@ -180,7 +180,7 @@ fn changes(
     for dates in pairs {
         // A date may lack the mask.
         let Ok(choice) = Choice::at(case, Some(&whole.id), dates) else { continue };
-        let (report, _) = change::between(case, &choice, &options, None, progress)?;
+        let (report, ..) = change::between_with_surroundings(case, &choice, &options, None, progress)?;
         found.extend(report.own_warnings(case).iter().cloned());
         reports.push(report);
     }

@@ -3,7 +3,7 @@
 
 use egui::{Color32, ComboBox, Rect, Role, Sense, Ui, WidgetInfo, vec2};
 use glam::DVec3;
-use glioscope_core::change::{ChangeError, ChangeReport, Choice, Flag, GroupReport, Lengths, ids_at};
+use glioscope_core::change::{ChangeError, ChangeReport, Choice, Flag, GroupReport, Lengths, Tissue, ids_at};
 use glioscope_render::{
     ChangeContext, ChangeLook, ChangePick, ChangeScene, ChangeStyle, MaskColors, Palette,
     views::change::Change,
@@ -27,6 +27,7 @@ use crate::{
         comparison::Comparison,
         jobs::{Lookup, progress_text},
         self_check::{self, CheckLine},
+        surroundings::{self, Looked},
     },
 };
 
@@ -35,6 +36,8 @@ use crate::{
 pub struct ChangePane {
     /// Its 3D view.
     pub canvas: Canvas<Change>,
+    /// Whether a worker looks at the tissue around what moved.
+    is_looking: bool,
 }
 
 /// Colours of recession and growth.
@@ -133,6 +136,18 @@ impl Pane for ChangePane {
             }
             None => return,
         };
+        let (looked, tissue_line) = match stage.results.surroundings.get(input.case, &compared, ask) {
+            Lookup::Ready(looked) => (Some(looked.clone()), surroundings::line(&looked.report)),
+            Lookup::Working(progress) => {
+                ui.request_repaint_after(poll_interval);
+                (None, Some(CheckLine { text: progress_text(progress), marked: false }))
+            }
+            Lookup::Failed(error) => (None, Some(CheckLine { text: error.to_string(), marked: true })),
+        };
+        self.is_looking = looked.is_none() && tissue_line.as_ref().is_some_and(|line| !line.marked);
+        let report = looked.as_ref().map_or(&compared.report, |looked| &looked.report);
+        let lines: Vec<CheckLine> =
+            displaced_lines(report).into_iter().chain(tissue_line).chain(checked).collect();
         let volume = match stage.results.image.volume(input.context, ask) {
             Some(Lookup::Ready(volume)) => Some(volume.clone()),
             Some(Lookup::Working(_)) => {
@@ -163,23 +178,23 @@ impl Pane for ChangePane {
         if !self.canvas.draw(ui, (graphics, &view, &response), &scene, ask.wait, out) {
             return;
         }
-        let hover_text = self.canvas.hover().map(|pick| pick_text(&compared, pick));
+        let hover_text = self.canvas.hover().map(|pick| pick_text(&compared, looked.as_deref(), pick));
         partner_line(ui, &view, self.canvas.hover());
         ruler::draw_3d(&ui.painter().with_clip_rect(rect), input.doc, &view.camera, rect, None);
-        legend(ui, &input, rect, (&compared, &checked), &scene.look);
+        legend(ui, &input, rect, (&compared, &lines), &scene.look);
         marks::corners(ui, rect, input.sides_known(), (&view.camera, "at the middle"), true);
         self.canvas.draw_overlays(ui, &view, &response, &outcome, hover_text.as_deref());
         response.widget_info(|| {
             let [from, to] = &compared.labels;
             let mask = input.doc.edit.masks.name(&compared.report.mask);
-            let lines: String = checked.iter().map(|line| format!("; {}", line.text)).collect();
+            let lines: String = lines.iter().map(|line| format!("; {}", line.text)).collect();
             let what = format!("Change of {mask} from {from} to {to}{lines}");
             WidgetInfo::labeled(Role::Canvas, true, self.canvas.accessible_text(&what, hover_text.as_deref()))
         });
     }
 
     fn ready(&self) -> bool {
-        self.canvas.refined()
+        self.canvas.refined() && !self.is_looking
     }
 
     fn screen(&mut self) -> Option<&mut dyn ScreenReport> {
@@ -194,15 +209,21 @@ impl Picked for ChangePick {
 }
 
 /// The unfiltered change under the pointer, with its uncertainty and flags.
-pub fn pick_text(compared: &Comparison, pick: &ChangePick) -> String {
+pub fn pick_text(compared: &Comparison, looked: Option<&Looked>, pick: &ChangePick) -> String {
     let [from, to] = &compared.labels;
     match (&pick.vector, pick.unpartnered) {
         (Some(v), _) => {
             let verb = if v.signed_mm > 0.0 { "grew" } else { "shrank" };
             let uncertain = if v.flags.within_uncertainty { ", within uncertainty" } else { "" };
             let fallback = if v.flags.no_set { "\npartner: nearest surface" } else { "" };
+            let tissue = match looked.and_then(|looked| looked.tissue(compared, v)) {
+                Some(Tissue::Moved) if v.signed_mm > 0.0 => "\ndisplaced, not grown? The tissue moved too",
+                Some(Tissue::Moved) => "\ndisplaced, not shrunk? The tissue moved too",
+                Some(Tissue::Unknown) => "\ndisplaced or not can't be told: no texture here",
+                Some(Tissue::Stayed | Tissue::Within) | None => "",
+            };
             format!(
-                "{verb} {:.1} mm{uncertain} (± {:.1} mm)\nnearest surface {:.1} mm{fallback}",
+                "{verb} {:.1} mm{uncertain} (± {:.1} mm)\nnearest surface {:.1} mm{fallback}{tissue}",
                 v.signed_mm.abs(),
                 v.uncertainty_mm,
                 v.nearest_mm
@@ -378,12 +399,12 @@ fn measures(ui: &mut Ui, input: &Input<'_>, new: &mut ChangeSetting, scale_mm: O
     response.on_hover_text("Smaller components make neither appeared, vanished, split nor merged");
 }
 
-/// Colour ramps with their range and statistics, the flags, and what the check on this case found.
+/// Colour ramps with their range and statistics, the flags, and more lines: what was displaced, what the check on this case found.
 fn legend(
     ui: &Ui,
     input: &Input<'_>,
     rect: Rect,
-    (compared, checked): (&Comparison, &[CheckLine]),
+    (compared, more): (&Comparison, &[CheckLine]),
     look: &ChangeLook,
 ) {
     let dark = ui.visuals().dark_mode;
@@ -435,7 +456,6 @@ fn legend(
             walls.map(|(verb, l)| format!(", {verb} by {} mm (median)", mm(l.p50_mm))).collect();
         lines.push((None, format!("cavities {from} to {to}{walls}: not among the vectors")));
     }
-    lines.extend(displaced_lines(report).into_iter().map(|text| (None, text)));
     lines.extend(report.flags.iter().filter_map(|flag| Some((None, flag_text(*flag)?.to_owned()))));
     if input.doc.edit.change.style == ChangeStyle::Arrows {
         lines.push((None, format!("arrows of {:.1} mm and more", look.threshold_mm)));
@@ -450,12 +470,11 @@ fn legend(
     }
     let font = theme::font(LABEL_POINTS);
     let amber = Tokens::of(dark).warning;
-    let of_check =
-        checked.iter().map(|line| (None, line.text.clone(), if line.marked { amber } else { ink }));
+    let of_more = more.iter().map(|line| (None, line.text.clone(), if line.marked { amber } else { ink }));
     let galleys: Vec<_> = lines
         .into_iter()
         .map(|(color, text)| (color, text, ink))
-        .chain(of_check)
+        .chain(of_more)
         .map(|(color, text, ink)| {
             (color, painter.layout(text, font.clone(), ink, (rect.width() - 40.0).max(80.0)))
         })
@@ -485,20 +504,23 @@ fn legend(
 /// Components named by the legend as displaced at most: the table of `change` has all.
 const MOST_DISPLACED: usize = 4;
 
-/// What is said of components that moved rather than grew: by their volumes where there are several.
-fn displaced_lines(report: &ChangeReport) -> Vec<String> {
+/// What is said of components that moved rather than grew: by their volumes where there are several. In amber, as it may take growth
+/// back.
+fn displaced_lines(report: &ChangeReport) -> Vec<CheckLine> {
     let counted = report.components.iter().filter(|group| !group.small).count();
     let of = |group: &GroupReport| {
-        let text = format::displacement(group.displacement.as_ref()?)?;
         let volume_ml: f64 = group.to.iter().map(|part| part.volume_ml).sum();
-        Some(if counted > 1 { format!("{} component {text}", format::ml(volume_ml)) } else { text })
+        let named = move |text| {
+            if counted > 1 { format!("{} component: {text}", format::ml(volume_ml)) } else { text }
+        };
+        format::displaced(group).into_iter().map(named)
     };
-    let mut lines: Vec<String> = report.components.iter().filter_map(of).collect();
+    let mut lines: Vec<String> = report.components.iter().flat_map(of).collect();
     if lines.len() > MOST_DISPLACED {
         let more = lines.split_off(MOST_DISPLACED).len();
-        lines.push(format!("{more} more displaced: glioscope change lists them"));
+        lines.push(format!("{more} more lines on displaced components: glioscope change lists them"));
     }
-    lines
+    lines.into_iter().map(|text| CheckLine { text, marked: true }).collect()
 }
 
 /// The ramp of change: shrinkage on the left, growth on the right, zero in the middle; the band within `uncertainty_mm`,

@@ -167,12 +167,13 @@ impl Shown {
 
     /// The comparison of dates as `change --json` has it; null where nothing can be compared.
     fn change(&self, progress: &Progress) -> Result<Value, AppError> {
-        if let Some(report) = &self.compared {
+        if let Some(report) = self.compared.as_ref().filter(|report| report.surroundings.is_some()) {
             return output::value(report);
         }
         let setting = &self.doc.edit.change;
         let Ok(choice) = setting.chosen(&self.case) else { return Ok(Value::Null) };
-        let (report, _) = change::between(&self.case, &choice, &setting.options(), None, progress)?;
+        let options = setting.options();
+        let (report, ..) = change::between_with_surroundings(&self.case, &choice, &options, None, progress)?;
         output::value(&report)
     }
 }

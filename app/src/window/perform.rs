@@ -321,7 +321,10 @@ impl GlioscopeApp {
         };
         let compared = self.results.comparison.cached(&case, &doc.edit.change);
         let shown = Shown {
-            compared: compared.map(|compared| compared.report.clone()),
+            compared: compared.map(|compared| match self.results.surroundings.cached(compared) {
+                Some(looked) => looked.report.clone(),
+                None => compared.report.clone(),
+            }),
             tumor: self.work.world.tumor(&doc).cloned(),
             inputs: self.work.inputs(),
             response: None,

@@ -16,6 +16,7 @@ pub mod self_check;
 mod session_case;
 pub mod slice_plane;
 pub mod spoken;
+pub mod surroundings;
 pub mod take_home;
 pub mod tracts;
 
@@ -246,6 +247,8 @@ pub struct Results {
     pub comparison: comparison::Comparisons,
     /// The check of the comparison on the case itself.
     pub self_check: self_check::SelfChecks,
+    /// The tissue around what the comparison found.
+    pub surroundings: surroundings::Looks,
     /// Ellipsoids of all connected components.
     pub ellipsoids: ellipsoids::Ellipsoids,
     /// Fibre tracts as tubes, and the selection for distance queries.

@@ -16,6 +16,9 @@ mod place;
 mod point_cloud;
 mod report;
 mod stats;
+mod surroundings;
+#[cfg(test)]
+mod surroundings_tests;
 #[cfg(test)]
 mod tests;
 mod uncertainty;
@@ -43,9 +46,12 @@ use place::{Edges, Places};
 pub(crate) use report::registration_mm;
 pub use report::{
     ChangeReport, Counters, DisplacementReport, GroupReport, NearestReport, PartReport, UncertaintyReport,
-    between, csv, report,
+    between, between_with_surroundings, csv, report,
 };
 pub use stats::{Histogram, Lengths};
+pub use surroundings::{
+    NotSaid, Surroundings, SurroundingsReport, Tissue, TissueCounts, TissueReport, surroundings,
+};
 pub use uncertainty::{COVERAGE, Sampling, Uncertainty};
 use vectors::{CropFrame, SurfaceVoxel, Surfaces};
 

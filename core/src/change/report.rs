@@ -5,13 +5,15 @@ use serde::Serialize;
 
 use super::{
     COVERAGE, Call, Change, ChangeCounts, ChangeError, ChangeOptions, Choice, Displacement, Explains, Fate,
-    Flag, Histogram, Lengths, Part, Sampling, SurfaceChange, change_with, mean_move_mm,
+    Flag, Histogram, Lengths, Part, Sampling, SurfaceChange, Surroundings, SurroundingsReport, Tissue,
+    TissueReport, change_with, mean_move_mm, surroundings,
 };
 use crate::{
     Check, Grid, Progress,
     case::{Aligned, Case, P95_OF_UNIT_ERRORS, apart_mm},
     csv::Table,
     decimal,
+    register::DeformOptions,
     skeleton::{ForceSource, SkeletonCounts},
 };
 
@@ -60,6 +62,8 @@ pub struct ChangeReport {
     pub cavities: CavitiesReport,
     /// Components matched across the time points; empty where the masks share no voxel.
     pub components: Vec<GroupReport>,
+    /// How the tissue around the components was looked at; `None` where it wasn't.
+    pub surroundings: Option<SurroundingsReport>,
     /// Counters of the algorithms.
     pub counters: Counters,
     /// The images and masks of the case that registration transforms moved.
@@ -153,6 +157,8 @@ pub struct GroupReport {
     pub recession: Lengths,
     /// Their own displacement; `None` where none is sought: but for a component that advances on one side as it recedes on another.
     pub displacement: Option<DisplacementReport>,
+    /// Whether the tissue around them moved with their surface; `None` where it wasn't looked at or nothing is to be explained.
+    pub tissue: Option<TissueReport>,
 }
 
 /// A component's own displacement between the dates: see [`Displacement`].
@@ -243,6 +249,7 @@ pub fn report(change: &Change, grid: &Grid, mask: &str, from: &str, to: &str) ->
                 growth,
                 recession,
                 displacement: moved.as_ref().map(DisplacementReport::of),
+                tissue: None,
             }
         });
     let in_place = |voxels: u64| (!has_volumes_only(&change.flags)).then(|| grid.volume_ml(voxels));
@@ -283,6 +290,7 @@ pub fn report(change: &Change, grid: &Grid, mask: &str, from: &str, to: &str) ->
             narrowed: walls(-1.0),
         },
         components: components.collect(),
+        surroundings: None,
         counters: Counters {
             surface: change.counts,
             skeleton: change.skeleton.counts,
@@ -293,14 +301,33 @@ pub fn report(change: &Change, grid: &Grid, mask: &str, from: &str, to: &str) ->
     }
 }
 
+/// What `surroundings` says of the vectors as words of the CSV.
+fn tissue_words(found: Option<&Surroundings>) -> impl Iterator<Item = &'static str> {
+    let said = found.into_iter().flat_map(|found| &found.tissue).map(|tissue| match tissue {
+        Tissue::Within => "",
+        Tissue::Moved => "moved",
+        Tissue::Stayed => "stayed",
+        Tissue::Unknown => "unknown",
+    });
+    said.chain(std::iter::repeat(""))
+}
+
 /// CSV with one row per vector, then one per outer surface voxel without a partner; lengths in millimetres, positions
-/// in RAS+ millimetres, unknown values empty.
-pub fn csv(change: &Change) -> Vec<u8> {
+/// in RAS+ millimetres, unknown values empty. The last column has what the tissue around says of a vector, where it was looked at.
+pub fn csv(change: &Change, found: Option<&Surroundings>) -> Vec<u8> {
     let axes = ["x", "y", "z"];
     let head = ["voxel_i", "voxel_j", "voxel_k"].map(str::to_owned).into_iter();
     let head = head.chain(["from", "to"].into_iter().flat_map(|end| axes.map(|a| format!("{end}_{a}_mm"))));
-    let rest =
-        ["signed_mm", "nearest_mm", "uncertainty_mm", "within_uncertainty", "no_set", "component", "fate"];
+    let rest = [
+        "signed_mm",
+        "nearest_mm",
+        "uncertainty_mm",
+        "within_uncertainty",
+        "no_set",
+        "component",
+        "fate",
+        "tissue",
+    ];
     let mut table = Table::new(head.chain(rest.map(str::to_owned)));
     let fate = |group: u32| -> &'static str {
         change.groups.get(group as usize).map_or("", |group| group.fate.into())
@@ -309,34 +336,38 @@ pub fn csv(change: &Change) -> Vec<u8> {
         Some(p) => p.to_array().map(|mm| mm.to_string()),
         None => Default::default(),
     };
-    let mut row =
-        |voxel: [usize; 3], from: Option<DVec3>, to: Option<DVec3>, numbers: [String; 5], group: u32| {
-            let voxel = voxel.map(|index| index.to_string());
-            let group = [group.to_string(), fate(group).to_owned()];
-            table.row(
-                voxel
-                    .into_iter()
-                    .chain(position_fields(from))
-                    .chain(position_fields(to))
-                    .chain(numbers)
-                    .chain(group),
-            );
-        };
+    let mut row = |voxel: [usize; 3],
+                   [from, to]: [Option<DVec3>; 2],
+                   numbers: [String; 5],
+                   group: u32,
+                   tissue: &str| {
+        let voxel = voxel.map(|index| index.to_string());
+        let group = [group.to_string(), fate(group).to_owned()];
+        table.row(
+            voxel
+                .into_iter()
+                .chain(position_fields(from))
+                .chain(position_fields(to))
+                .chain(numbers)
+                .chain(group)
+                .chain([tissue.to_owned()]),
+        );
+    };
     let zero_or_one = |flag: bool| u8::from(flag).to_string();
-    for v in &change.vectors {
+    for (v, tissue) in change.vectors.iter().zip(tissue_words(found)) {
         let numbers = [v.signed_mm, v.nearest_mm, v.uncertainty_mm].map(|mm| mm.to_string());
         let [signed, nearest, uncertainty] = numbers;
         let flags = [zero_or_one(v.flags.within_uncertainty), zero_or_one(v.flags.no_set)];
         let [within, no_set] = flags;
         let numbers = [signed, nearest, uncertainty, within, no_set];
-        row(v.voxel, Some(v.from_mm), Some(v.to_mm), numbers, v.group);
+        row(v.voxel, [Some(v.from_mm), Some(v.to_mm)], numbers, v.group, tissue);
     }
     for v in &change.unpartnered {
         let position = Some(v.position_mm);
-        let (from, to) = if v.appeared { (None, position) } else { (position, None) };
+        let ends = if v.appeared { [None, position] } else { [position, None] };
         let nearest = v.nearest_mm.map(|mm| mm.to_string()).unwrap_or_default();
         let unknown = String::new;
-        row(v.voxel, from, to, [unknown(), nearest, unknown(), unknown(), unknown()], v.group);
+        row(v.voxel, ends, [unknown(), nearest, unknown(), unknown(), unknown()], v.group, "");
     }
     table.into_bytes()
 }
@@ -433,6 +464,22 @@ pub fn between(
     warnings.extend(coarse(&id, &samplings).filter(|_| !found.vectors.is_empty()));
     warnings.extend_from_slice(&case.checks);
     Ok((ChangeReport { warnings, aligned: case.aligned.clone(), ..report }, found))
+}
+
+/// As [`between`], and looks at the tissue around what moved.
+///
+/// # Errors
+/// As [`between`].
+pub fn between_with_surroundings(
+    case: &Case,
+    choice: &Choice,
+    options: &ChangeOptions,
+    source: Option<&dyn ForceSource>,
+    progress: &Progress,
+) -> Result<(ChangeReport, Change, Surroundings), ChangeError> {
+    let (report, change) = between(case, choice, options, source, progress)?;
+    let found = surroundings(case, choice, &change, &DeformOptions::default(), progress)?;
+    Ok((report.with_surroundings(&found), change, found))
 }
 
 #[cfg(test)]

@@ -452,7 +452,7 @@ fn the_sample_changes_match_its_analytic_shapes() {
     assert!(report.flags.contains(&Flag::Appeared));
     let satellite = DVec3::new(-16.0, 56.0, -4.0);
     assert!(change.unpartnered.iter().all(|v| v.appeared && v.position_mm.distance(satellite) < 6.5));
-    let lines = String::from_utf8(csv(&change)).unwrap().lines().count();
+    let lines = String::from_utf8(csv(&change, None)).unwrap().lines().count();
     assert_eq!(lines, 1 + change.vectors.len() + change.unpartnered.len());
     // Invalid choices.
     for (of, from, to) in [

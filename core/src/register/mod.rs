@@ -26,6 +26,7 @@
 
 mod consistency;
 mod curve;
+mod deform;
 mod exclude;
 #[cfg(test)]
 mod internal_tests;
@@ -46,5 +47,6 @@ mod types;
 mod words;
 
 pub use consistency::{Consistency, Spread, around, consistency};
+pub use deform::{DeformError, DeformOptions, Deformation, deform};
 pub use run::register;
 pub use types::{Image, Measure, Model, Options, Outcome, RegisterError, Warning, Which};

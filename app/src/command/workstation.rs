@@ -529,9 +529,15 @@ impl Workstation {
                 });
                 let is_new = opened.document.is_none();
                 let keeps_layout = self.install_opened(opened);
+                let mut notices = Vec::new();
                 if let (true, Some(case), Some(doc)) = (is_new, self.world.case(), &mut self.doc) {
-                    doc.open_for_reading(case, self.usual_criterion, !keeps_layout);
+                    // The sample is nobody's to judge.
+                    let usual = self.usual_criterion.filter(|_| doc.case != CaseRef::Sample);
+                    let is_judged = doc.open_for_reading(case, usual, !keeps_layout);
                     self.saved = Some(Box::new(doc.edit.clone()));
+                    if let Some(criterion) = usual.filter(|_| is_judged) {
+                        notices.push(format!("Criteria as in the last report: {}.", criterion.name()));
+                    }
                 }
                 if let (true, Some(before), Some(case), Some(doc)) =
                     (request.edits, before, self.world.case(), &mut self.doc)
@@ -557,11 +563,15 @@ impl Workstation {
                         self.answers.add(accepted.answer(&request.options.order));
                     }
                     if accepted.silently {
-                        self.notice = Some(
+                        notices.insert(
+                            0,
                             "Opened as accepted before; File, Case files… changes what they are.".into(),
                         );
                     }
                     self.case_key = accepted.key;
+                }
+                if !notices.is_empty() {
+                    self.notice = Some(notices.join(" ").into());
                 }
                 let is_path = request.files.is_empty() && !request.edits;
                 self.session_path.clone().or(match request.case {

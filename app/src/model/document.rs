@@ -447,26 +447,27 @@ impl Document {
     }
 
     /// Makes an initial document one to be read: at the last date, if dates have an order; with PET over the first image, where
-    /// the panes are for that; with `usual` criteria, where several dates are judged. `arranges`: with the panes for these.
-    pub fn open_for_reading(&mut self, case: &Case, usual: Option<Criterion>, arranges: bool) {
+    /// the panes are for that; with `usual` criteria, where several dates are judged. `arranges`: with the panes for these. Returns whether it is judged.
+    pub fn open_for_reading(&mut self, case: &Case, usual: Option<Criterion>, arranges: bool) -> bool {
         if let Some((time, current)) = current_date(case) {
             let Self { edit: Edit { lens, lens_on, .. }, nav, .. } =
                 Self::new(self.case.clone(), current, case.time_points.len());
             (self.edit.lens, self.edit.lens_on) = (lens, lens_on);
             self.nav = Navigation { time, ..nav };
         }
+        let is_judged = self.judge_by(case, usual);
         if !arranges {
-            self.judge_by(case, usual);
-            return;
+            return is_judged;
         }
         let held = Held::of(case);
         if let ([only], Some(Task::Fusion)) = (&case.time_points[..], layout::opening_task(held)) {
             let second = second_of(only, self.nav.context.as_deref());
             self.edit.fusion = self.edit.fusion.showing(second, false);
         }
-        if self.judge_by(case, usual) {
+        if is_judged {
             self.edit.layout = Task::Response.layout(held);
         }
+        is_judged
     }
 
     /// Chooses criteria where several dates with masks have an order; whether it does.

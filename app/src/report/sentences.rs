@@ -57,7 +57,7 @@ impl Say for Spoken<'_> {
     fn number(&self, english: &str) -> String {
         match self.words.language() {
             Language::En => english.to_owned(),
-            Language::De => self.words.number(english).replace('-', "\u{2212}"),
+            Language::De => self.words.number(english),
         }
     }
 }
@@ -69,12 +69,26 @@ fn key(template: &Template) -> String {
 
 /// A phrase of core in the language of `words`.
 pub fn phrase(phrase: &Phrase, words: &Words) -> String {
-    phrase.say(&Spoken { words, beside_sums: false })
+    with_minus(&phrase.say(&Spoken { words, beside_sums: false }))
 }
 
 /// As [`phrase`], of a reason that stands below the sums it rests on.
 pub fn beside_sums(phrase: &Phrase, words: &Words) -> String {
-    phrase.say(&Spoken { words, beside_sums: true })
+    with_minus(&phrase.say(&Spoken { words, beside_sums: true }))
+}
+
+/// With the minus of tables in front of numbers: not within a date or a range.
+fn with_minus(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    let mut before = None;
+    for (at, letter) in text.char_indices() {
+        let is_number = text[at + letter.len_utf8()..].starts_with(|next: char| next.is_ascii_digit());
+        let is_sign =
+            letter == '-' && is_number && before.is_none_or(|c: char| c.is_whitespace() || c == '(');
+        out.push(if is_sign { '\u{2212}' } else { letter });
+        before = Some(letter);
+    }
+    out
 }
 
 /// A finding in the language of `words`: what its code means, with its particulars in parentheses, which are English.
@@ -98,6 +112,13 @@ mod tests {
 
     use super::*;
     use crate::words::keys;
+
+    #[test]
+    fn numbers_below_zero_have_the_minus_of_tables() {
+        let of = "2024-01-05: -5.2 % (-3 to +2), threshold -50 %, 1-2 scans, T1-T2 -x";
+        let expected = "2024-01-05: −5.2 % (−3 to +2), threshold −50 %, 1-2 scans, T1-T2 -x";
+        assert_eq!(with_minus(of), expected);
+    }
 
     #[test]
     fn every_language_has_every_sentence() {

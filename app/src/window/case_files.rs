@@ -60,7 +60,10 @@ pub fn show(ui: &Ui, work: &mut Workstation, thumbnails: &mut Thumbnails, covere
     let mut entered = false;
     let reply = modal::show(ui.ctx(), "The case's files", |ui| {
         if !is_whole {
-            ui.label("By the names of the files. Is this right?");
+            let folder = &guess.proposal.folder;
+            let name = folder.file_name().unwrap_or(folder.as_os_str());
+            ui.label(format!("{}, by the names of its files. Is this right?", name.to_string_lossy()))
+                .on_hover_text(folder.display().to_string());
             ui.add_space(6.0);
             case_dates::show(ui, &guess.proposal);
             ui.add_space(6.0);

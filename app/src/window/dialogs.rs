@@ -35,7 +35,10 @@ pub enum Purpose {
     /// Choose a registration transform that moves this date.
     Transform(String),
     /// Save the session.
-    SaveSession,
+    SaveSession {
+        /// Its proposed name, without the ending.
+        stem: String,
+    },
     /// Choose a transfer function for the image shown.
     OpenTransfer,
     /// Write the transfer function of the image shown.
@@ -71,7 +74,7 @@ impl Purpose {
             | Self::OpenTransfer => {
                 return None;
             }
-            Self::SaveSession => format!("case.{}", session::EXTENSION),
+            Self::SaveSession { stem } => format!("{stem}.{}", session::EXTENSION),
             Self::SaveTransfer => format!("image.{}", transfer_file::EXTENSION),
             Self::Manifest => "case.toml".into(),
             Self::Picture(pane) => format!("{}.png", pane.map_or("window", PaneId::tab).to_lowercase()),
@@ -93,7 +96,7 @@ impl Purpose {
             Self::OpenFolder => "Open a folder as a case",
             Self::OpenCohort => "Open a cohort",
             Self::Transform(_) => "A transform that moves the date",
-            Self::SaveSession => "Save the session",
+            Self::SaveSession { .. } => "Save the session",
             Self::OpenTransfer => "Open a transfer function",
             Self::SaveTransfer => "Save the transfer function",
             Self::Manifest => "Save the case's manifest",
@@ -119,7 +122,7 @@ impl Purpose {
             PathBuf::from(name)
         };
         match self {
-            Self::SaveSession => session::with_ending(path),
+            Self::SaveSession { .. } => session::with_ending(path),
             Self::SaveTransfer if !ends_in(&path, "json") => with(path, transfer_file::EXTENSION),
             Self::Manifest if !ends_in(&path, "toml") => with(path, "toml"),
             Self::Picture(_) if !ends_in(&path, "png") => with(path, "png"),
@@ -140,7 +143,7 @@ impl Purpose {
             Self::OpenFile | Self::OpenFolder => open_command(path),
             Self::OpenCohort => AppCommand::OpenCohortAt(path).into(),
             Self::Transform(time) => AppCommand::AlignByFile(time.clone(), path).into(),
-            Self::SaveSession => AppCommand::SaveSessionTo(path).into(),
+            Self::SaveSession { .. } => AppCommand::SaveSessionTo(path).into(),
             Self::OpenTransfer => AppCommand::OpenTransferFrom(path).into(),
             Self::SaveTransfer => AppCommand::SaveTransferTo(path).into(),
             Self::Manifest => AppCommand::SaveManifestTo(path).into(),
@@ -321,7 +324,7 @@ mod tests {
             rulers.command("/a/lines".into()),
             AppCommand::ExportRulersTo("/a/lines.csv".into()).into()
         );
-        let named = Purpose::SaveSession.command("/a/visit".into());
+        let named = Purpose::SaveSession { stem: "case".into() }.command("/a/visit".into());
         assert_eq!(named, AppCommand::SaveSessionTo("/a/visit.glioscope.json".into()).into());
         assert!(
             case_filter().contains(&"gz")

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use egui::{Context, Ui};
 
-use super::{GlioscopeApp, dialogs::Purpose, modal};
+use super::{GlioscopeApp, modal};
 use crate::{
     command::AppCommand,
     model::{CaseRef, session},
@@ -124,7 +124,7 @@ impl GlioscopeApp {
                             let saved = self.save_to(&path);
                             self.after_save(&ctx, saved);
                         }
-                        None => self.open_file_dialog(&ctx, Purpose::SaveSession),
+                        None => self.open_file_dialog(&ctx, self.save_session()),
                     }
                 }
             }

@@ -647,6 +647,16 @@ impl GlioscopeApp {
     /// The folder in which a file dialog begins. Of what is written of a case: that of what was written of it last, else the case's
     /// own, so that nothing of one patient is proposed beside another's; `None` where it has none. Else that of the file chosen last. A
     /// manifest belongs beside the files it describes.
+    /// The purpose of saving the session: beside a folder that is a case it is named after that, so that no two cases have one name.
+    fn save_session(&self) -> Purpose {
+        let name = match self.work.doc.as_ref().map(|doc| &doc.case) {
+            Some(CaseRef::Path(path)) if path.is_dir() => std::path::absolute(path).ok(),
+            _ => None,
+        };
+        let name = name.as_deref().and_then(Path::file_name).map(|name| name.to_string_lossy().into_owned());
+        Purpose::SaveSession { stem: name.unwrap_or_else(|| "case".into()) }
+    }
+
     fn folder_for(&self, purpose: &Purpose) -> Option<PathBuf> {
         if let (Purpose::Manifest, Some(guess)) = (purpose, &self.work.guess) {
             return std::path::absolute(&guess.proposal.folder).ok();
@@ -667,12 +677,13 @@ impl GlioscopeApp {
             CaseRef::Files { folder, .. } => Some(folder.clone()),
             CaseRef::Sample | CaseRef::Arguments { .. } => None,
         });
-        let is_of_case = !is_read_again || matches!(purpose, Purpose::SaveSession | Purpose::Masks(_));
+        let is_of_case = !is_read_again || matches!(purpose, Purpose::SaveSession { .. } | Purpose::Masks(_));
         let written = self.written_to.as_ref().filter(|(of, _)| is_of_case && *of == self.work.installed);
         let written = written.map(|(_, folder)| folder.clone()).filter(|folder| folder.is_dir());
         let own = case.clone().filter(|folder| is_of_case && folder.is_dir());
         // A session belongs to its case, wherever else a file was written.
-        let own = if *purpose == Purpose::SaveSession { own.or(written) } else { written.or(own) };
+        let own =
+            if matches!(purpose, Purpose::SaveSession { .. }) { own.or(written) } else { written.or(own) };
         let last = last.filter(|_| !is_of_case);
         let current = || std::env::current_dir().ok().filter(|_| !is_of_case);
         let folder = own.or(last).or(case).or_else(current)?;

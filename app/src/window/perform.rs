@@ -118,9 +118,9 @@ impl GlioscopeApp {
             AppCommand::ClearRecent => self.recent.clear(),
             AppCommand::SaveSession => match self.work.session_path.clone() {
                 Some(path) => drop(self.save_to(&path)),
-                None => self.open_file_dialog(ctx, Purpose::SaveSession),
+                None => self.open_file_dialog(ctx, self.save_session()),
             },
-            AppCommand::SaveSessionAs => self.open_file_dialog(ctx, Purpose::SaveSession),
+            AppCommand::SaveSessionAs => self.open_file_dialog(ctx, self.save_session()),
             AppCommand::SaveSessionTo(path) => {
                 let saved = self.save_as(path);
                 self.after_save(ctx, saved);

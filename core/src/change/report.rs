@@ -466,6 +466,17 @@ pub fn between(
     Ok((ChangeReport { warnings, aligned: case.aligned.clone(), ..report }, found))
 }
 
+impl ChangeReport {
+    /// With what the tissue around the lesions says.
+    #[must_use]
+    pub fn with_surroundings(self, found: &Surroundings) -> Self {
+        let tissue = found.components.iter().copied().chain(std::iter::repeat(None));
+        let components = self.components.into_iter().zip(tissue);
+        let components = components.map(|(group, tissue)| GroupReport { tissue, ..group }).collect();
+        Self { components, surroundings: Some(found.report.clone()), ..self }
+    }
+}
+
 /// As [`between`], and looks at the tissue around what moved.
 ///
 /// # Errors

@@ -7,7 +7,7 @@
 use serde::Serialize;
 use strum::IntoStaticStr;
 
-use super::{COVERAGE, Change, ChangeError, ChangeReport, Choice, GroupReport, SurfaceChange};
+use super::{COVERAGE, Change, ChangeError, Choice, SurfaceChange};
 use crate::{
     Cancelled, Mask, Progress, Volume,
     case::{Case, TimePoint},
@@ -126,17 +126,6 @@ impl TissueReport {
             self.growth.unknown + self.recession.unknown,
         ];
         (2 * unknown < vectors).then(|| 2 * displaced >= vectors - unknown)
-    }
-}
-
-impl ChangeReport {
-    /// With what the tissue around the lesions says.
-    #[must_use]
-    pub fn with_surroundings(self, found: &Surroundings) -> Self {
-        let tissue = found.components.iter().copied().chain(std::iter::repeat(None));
-        let components = self.components.into_iter().zip(tissue);
-        let components = components.map(|(group, tissue)| GroupReport { tissue, ..group }).collect();
-        Self { components, surroundings: Some(found.report.clone()), ..self }
     }
 }
 

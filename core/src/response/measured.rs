@@ -143,7 +143,7 @@ fn with_new_lesions(mut history: History, report: &LesionsReport) -> History {
     history
 }
 
-/// Where the masks show a new lesion and the history says that there is none, in one line each.
+/// Where the masks show a new lesion and the history says that there is none, or the reverse; and scans without the mask, in one line each.
 fn contradictions_of(history: &History, report: &LesionsReport) -> Vec<Phrase> {
     let says_none = |time: &str| {
         let facts = history.date.iter().find(|facts| facts.date.0 == time);
@@ -157,17 +157,24 @@ fn contradictions_of(history: &History, report: &LesionsReport) -> Vec<Phrase> {
         let facts = history.date.iter().find(|facts| facts.date.0 == time);
         facts.and_then(|facts| facts.new_lesion.as_ref()).map(|fact| fact.value)
     };
-    let mut too_small: Vec<Phrase> = Vec::new();
+    let mut said_otherwise: Vec<Phrase> = Vec::new();
     for date in report.dates.iter().filter(|date| stated(&date.time) == Some(NewLesion::Measurable)) {
         let new = || new_lesions(report).filter(|(_, new)| new.time == date.time);
-        if new().next().is_some() && new().all(|(_, new)| new.measurable == Some(false)) {
+        let is_known = date.components.is_some() && report.dates.first() != Some(date);
+        if new().next().is_none() && is_known {
+            said_otherwise.push(say::SAID_NEW.with([("date", date.time.as_str().into())]));
+        } else if new().next().is_some() && new().all(|(_, new)| new.measurable == Some(false)) {
             let names = new().map(|(name, _)| name).collect::<Vec<_>>().join(", ");
-            too_small.push(
+            said_otherwise.push(
                 say::SAID_MEASURABLE
                     .with([("date", date.time.as_str().into()), ("lesions", names.as_str().into())]),
             );
         }
     }
+    let without_mask = report.dates.iter().filter(|date| date.components.is_none()).map(|date| {
+        say::SCAN_WITHOUT_MASK
+            .with([("date", date.time.as_str().into()), ("mask", report.of.as_str().into())])
+    });
     born.filter(|(_, date)| says_none(&date.time))
         .map(|(lesion, date)| {
             let ml = date.volume_ml.unwrap_or_default();
@@ -178,7 +185,8 @@ fn contradictions_of(history: &History, report: &LesionsReport) -> Vec<Phrase> {
                 ("ml", Value::number(format!("{ml:.2}"))),
             ])
         })
-        .chain(too_small)
+        .chain(said_otherwise)
+        .chain(without_mask)
         .collect()
 }
 
@@ -285,6 +293,22 @@ mod tests {
         dates.for_each(|date| date.measurable = Some(false));
         let told: Vec<String> = contradictions_of(&said, &small).iter().map(Phrase::to_string).collect();
         assert_eq!(told, ["2024-03-01: a new lesion is stated to be measurable, where the masks' C isn't"]);
+        let mut none = lesions.clone();
+        none.lesions.retain(|lesion| lesion.id != "C");
+        let told: Vec<String> = contradictions_of(&said, &none).iter().map(Phrase::to_string).collect();
+        assert_eq!(
+            told,
+            ["2024-03-01: a new lesion is stated to be measurable, where the masks show no new one"]
+        );
+        // A scan without the mask is told, whatever is stated of it.
+        if let Some(last) = none.dates.last_mut() {
+            last.components = None;
+        }
+        let told: Vec<String> = contradictions_of(&said, &none).iter().map(Phrase::to_string).collect();
+        assert_eq!(
+            told,
+            [format!("2024-03-01: the scan has no mask of {}, so that it isn't judged", none.of)]
+        );
         assert_eq!(
             contradictions_of(&with_new_lesions(history, &lesions), &lesions).len(),
             1,

@@ -19,6 +19,8 @@ templates! {
     BASELINE_AFTER_RADIOTHERAPY = "baseline {scan}, {days} days after radiotherapy";
     BASELINE_DOUBTED = "baseline {scan} as stated: {why}";
     SAID_MEASURABLE = "{date}: a new lesion is stated to be measurable, where the masks' {lesions} isn't";
+    SAID_NEW = "{date}: a new lesion is stated to be measurable, where the masks show no new one";
+    SCAN_WITHOUT_MASK = "{date}: the scan has no mask of {mask}, so that it isn't judged";
     CRITERIA_CHOOSE = "the criteria would choose another: {baseline}";
     NO_TREATMENT_STATED = "no treatment is stated";
     NO_SCAN_BEFORE_TREATMENT = "no scan within {days} days before treatment";

@@ -4,13 +4,14 @@ use serde::Serialize;
 
 use super::{
     evaluate,
-    fact::{Fact, Label, MASKS},
+    fact::{Fact, Label, MASKS, Radiotherapy, When},
     history::{Assessment, Compartment, History, HistoryError, Measurement, NewLesion, ScanFacts},
     phrases as say,
     result::Response,
     rules::Criterion,
 };
 use crate::{
+    dates::leading_date,
     lesions::{EventKind, LesionDate, LesionReport, LesionsReport, largest, new_lesions},
     phrase::{Phrase, Value},
 };
@@ -65,6 +66,13 @@ pub fn evaluate_lesions(
             say::BASELINE_DOUBTED
                 .with([("scan", date.date.as_str().into()), ("why", why.phrase.clone().into())])
         }));
+    }
+    let last = response.dates.iter().filter_map(|date| leading_date(&date.date)).max();
+    let end = stated.radiotherapy_end.as_ref().map(|fact| fact.value);
+    if let (Some(Radiotherapy::Ended(end @ When::Date(day))), Some(last)) = (end, last)
+        && day > last
+    {
+        contradictions.push(say::RADIOTHERAPY_AFTER_SCANS.with([("end", Value::Text(end.to_string()))]));
     }
     let warnings = contradictions.iter().map(Phrase::to_string).collect();
     Ok(Evaluated { of, proposed_links, warnings, contradictions, stated, response })
@@ -320,7 +328,24 @@ mod tests {
         let new = history.date.iter().find(|facts| facts.date.0 == "2024-03-01").unwrap();
         assert_eq!(new.new_lesion.as_ref().unwrap().value, NewLesion::Measurable);
         let mut history = History { baseline: Some(Fact::of(Label("2024-01-01".into()))), ..history };
-        history.radiotherapy_end = Some(Fact::of(crate::response::Radiotherapy::None));
+        history.radiotherapy_end = Some(Fact::of(Radiotherapy::None));
+        // Radiotherapy that ends after all scans is mistyped, or another's.
+        let told_of = |end: &str| {
+            let text = format!(
+                "response = 1\ncriterion = \"rano-2.0\"\nassessment = \"enhancing\"\nradiotherapy_end = {end}\n"
+            );
+            let of = History::parse(&text).unwrap();
+            let found = evaluate_lesions(of, &[(Compartment::Enhancing, &lesions)]).unwrap();
+            found
+                .warnings
+                .iter()
+                .filter(|warning| warning.starts_with("radiotherapy"))
+                .cloned()
+                .collect::<Vec<_>>()
+        };
+        let expected = "radiotherapy is stated to have ended at 2025-01-01, after the last scan";
+        assert_eq!(told_of("2025-01-01"), [expected]);
+        assert_eq!(told_of("2023-06-30"), Vec::<String>::new());
         let calls = evaluate(&history, &all).unwrap();
         // A new measurable lesion is progression, though the sum fell.
         let last = &calls.dates[1].by_diameters;

@@ -21,6 +21,7 @@ templates! {
     SAID_MEASURABLE = "{date}: a new lesion is stated to be measurable, where the masks' {lesions} isn't";
     SAID_NEW = "{date}: a new lesion is stated to be measurable, where the masks show no new one";
     SCAN_WITHOUT_MASK = "{date}: the scan has no mask of {mask}, so that it isn't judged";
+    RADIOTHERAPY_AFTER_SCANS = "radiotherapy is stated to have ended at {end}, after the last scan";
     CRITERIA_CHOOSE = "the criteria would choose another: {baseline}";
     NO_TREATMENT_STATED = "no treatment is stated";
     NO_SCAN_BEFORE_TREATMENT = "no scan within {days} days before treatment";

@@ -2,7 +2,7 @@
 
 use std::{
     path::{Path, PathBuf},
-    sync::Arc,
+    sync::{Arc, Mutex},
 };
 
 use egui::{Event, Key, Modifiers, Theme};
@@ -108,7 +108,7 @@ fn dates_are_asked_about_in_a_few_lines_and_the_current_one_is_in_front() {
     let mut harness = user_window(Workstation::default(), [1280.0, 720.0], Recent::default(), None);
     open(&mut harness, CaseRef::Sample);
     let has_files = |harness: &Window| harness.query_by_label("What 2024-01-01/seg.nii.gz is").is_some();
-    open(&mut harness, CaseRef::Path(path.clone()));
+    open(&mut harness, CaseRef::Path(path));
     assert!(is_asked(&harness) && !has_files(&harness));
     for (label, count) in [("2024-01-01", 1), ("2024-03-01", 1), ("t1c", 2), ("seg", 2)] {
         assert_eq!(harness.query_all_by_label(label).count(), count, "{label}");
@@ -129,6 +129,40 @@ fn dates_are_asked_about_in_a_few_lines_and_the_current_one_is_in_front() {
         assert!(layout.tiles.find_pane(&pane).is_some_and(|tile| front.contains(&tile)), "{pane:?}");
     }
     assert!(!harness.state().work.has_unsaved_work());
+}
+
+/// Folders of several patients often lie side by side: their sessions, too.
+#[test]
+fn a_session_is_named_after_its_cases_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("patient 7");
+    std::fs::rename(two_dates(folder.path()), &path).unwrap();
+    let mut harness = sample_window();
+    let asked = Arc::new(Mutex::new(Vec::new()));
+    let of = Arc::clone(&asked);
+    harness.state_mut().chooser = Arc::new(move |purpose, folder| {
+        of.lock().unwrap().push((purpose.file_name().unwrap(), folder.map(Path::to_owned)));
+        Choice::Cancelled
+    });
+    // The chooser has a thread of its own.
+    let ask = |harness: &mut Window, count: usize| {
+        issue(harness, AppCommand::SaveSessionAs);
+        for _ in 0..500 {
+            if asked.lock().unwrap().len() == count {
+                break;
+            }
+            std::thread::sleep(std::time::Duration::from_millis(20));
+        }
+        wait_for_workers(harness);
+    };
+    ask(&mut harness, 1);
+    open(&mut harness, CaseRef::Path(path));
+    press(&mut harness, Key::Enter);
+    ask(&mut harness, 2);
+    let asked = asked.lock().unwrap();
+    let names: Vec<&str> = asked.iter().map(|(name, _)| name.as_str()).collect();
+    assert_eq!(names, ["case.glioscope.json", "patient 7.glioscope.json"]);
+    assert_eq!(asked[1].1.as_deref(), Some(folder.path()));
 }
 
 #[test]

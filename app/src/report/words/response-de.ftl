@@ -12,6 +12,7 @@ reason-baseline-doubted = Ausgangsbefund { $scan } wie angegeben: { $why }
 reason-said-measurable = { $date }: Eine neue Läsion ist als messbar angegeben, { $lesions } der Masken ist es nicht
 reason-said-new = { $date }: Eine neue Läsion ist als messbar angegeben, die Masken zeigen keine neue
 reason-scan-without-mask = { $date }: Zur Untersuchung fehlt die Maske { $mask }; sie ist nicht bewertet
+reason-radiotherapy-after-scans = die Strahlentherapie endete nach den Angaben am { $end }, nach der letzten Untersuchung
 reason-criteria-choose = die Kriterien wählten einen anderen: { $baseline }
 reason-baseline-after-radiotherapy = Ausgangsbefund { $scan }, { $days } Tage nach Ende der Bestrahlung
 reason-no-treatment-stated = keine Therapie angegeben

@@ -165,6 +165,20 @@ pub fn hex([r, g, b]: [u8; 3]) -> String {
 mod tests {
     use super::*;
 
+    /// A component that moved so far, known to 1 mm.
+    fn moved_by(length_mm: f64, explains: Explains) -> DisplacementReport {
+        DisplacementReport {
+            length_mm,
+            by_mm: [length_mm, 0.0, 0.0],
+            uncertainty_mm: 1.0,
+            volume_uncertainty_ml: 0.2,
+            grew_share: 0.0,
+            shrank_share: 0.0,
+            left_mm: 0.0,
+            explains,
+        }
+    }
+
     #[test]
     fn displaced_says_by_what_it_is_told() {
         use glioscope_core::change::{Fate, Lengths, TissueReport};
@@ -178,16 +192,7 @@ mod tests {
             kept_ml: 1.0,
             growth: none,
             recession: none,
-            displacement: Some(DisplacementReport {
-                length_mm: 3.0,
-                by_mm: [3.0, 0.0, 0.0],
-                uncertainty_mm: 1.0,
-                volume_uncertainty_ml: 0.2,
-                grew_share: 0.0,
-                shrank_share: 0.0,
-                left_mm: 0.0,
-                explains,
-            }),
+            displacement: Some(moved_by(3.0, explains)),
             tissue: tissue.map(|[growth, recession]| TissueReport { growth, recession, moved_mm: Some(2.0) }),
         };
         let by_masks = "displaced by 3.0 mm (± 1.0 mm), not grown";
@@ -213,17 +218,7 @@ mod tests {
 
     #[test]
     fn a_displacement_says_what_it_explains_and_how_sure_it_is() {
-        let found = |explains| DisplacementReport {
-            length_mm: 3.06,
-            by_mm: [3.06, 0.0, 0.0],
-            uncertainty_mm: 1.0,
-            volume_uncertainty_ml: 0.2,
-            grew_share: 0.0,
-            shrank_share: 0.0,
-            left_mm: 0.0,
-            explains,
-        };
-        let text = |explains| displacement(&found(explains));
+        let text = |explains| displacement(&moved_by(3.06, explains));
         assert_eq!(text(Explains::All).unwrap(), "displaced by 3.1 mm (± 1.0 mm), not grown");
         assert_eq!(text(Explains::AllButGrowth).unwrap(), "displaced by 3.1 mm (± 1.0 mm) and grown");
         assert_eq!(text(Explains::AllButShrinkage).unwrap(), "displaced by 3.1 mm (± 1.0 mm) and shrunk");

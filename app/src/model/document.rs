@@ -473,12 +473,10 @@ impl Document {
     /// Chooses criteria where several dates with masks have an order; whether it does.
     fn judge_by(&mut self, case: &Case, criterion: Option<Criterion>) -> bool {
         let with_masks = case.time_points.iter().filter(|time| !time.masks.is_empty()).count();
-        if criterion.is_none() || with_masks < 2 || case.order == OrderBasis::Unknown {
-            return false;
-        }
-        self.edit.response.set_criterion(criterion);
+        let is_judged = with_masks > 1 && case.order != OrderBasis::Unknown;
+        let Some(criterion) = criterion.filter(|_| is_judged) else { return false };
         let mask = self.edit.lesions.mask(case, &self.edit.change);
-        self.edit.response.propose_baseline(case, mask.as_deref());
+        self.edit.response.judge_by(criterion, case, mask.as_deref());
         true
     }
 

@@ -53,9 +53,15 @@ impl ResponseSetting {
         }
     }
 
+    /// Chooses criteria for the lesions of `mask`, with a proposed baseline.
+    pub fn judge_by(&mut self, criterion: Criterion, case: &Case, mask: Option<&str>) {
+        self.set_criterion(Some(criterion));
+        self.propose_baseline(case, mask);
+    }
+
     /// Proposes the baseline where the choice is none: the first of two scans with `mask`, as only that has a later one. What is
     /// stated stays; dates without a day have no order to tell.
-    pub fn propose_baseline(&mut self, case: &Case, mask: Option<&str>) {
+    fn propose_baseline(&mut self, case: &Case, mask: Option<&str>) {
         let Some(history) = self.history.as_mut().filter(|history| history.baseline.is_none()) else {
             return;
         };

@@ -48,7 +48,8 @@ pub struct Front {
 }
 
 impl Found {
-    /// What is found of a case and its document, both as [`super::anonymous`] gives them; `answered`: their response, if it is known.
+    /// What is found of a case and its document, both as [`super::anonymous`] gives them; `answered`: their response, if it is known;
+    /// `front_alone`: without what the first page doesn't say.
     ///
     /// # Errors
     /// [`AppError`] where something can't be computed; cancelled.
@@ -56,11 +57,14 @@ impl Found {
         case: &Arc<Case>,
         doc: &Document,
         answered: Option<&Answered>,
+        front_alone: bool,
         progress: &Progress,
     ) -> Result<Self, AppError> {
-        let (changes, own) = changes(case, doc, progress)?;
-        let compared = measure::compared(case, &[], &doc.edit.agreement.settings(), progress)?;
         let (lesions, response) = answered_of(case, doc, answered, progress)?;
+        // With a response, changes are said behind the first page.
+        let has_response = answered.is_some() || response.is_some();
+        let (changes, own) = changes(case, doc, !(front_alone && has_response), progress)?;
+        let compared = measure::compared(case, &[], &doc.edit.agreement.settings(), progress)?;
         let self_check = self_checked(case, doc, progress)?;
         Ok(Self { changes, own, compared, lesions, response, self_check })
     }
@@ -160,10 +164,12 @@ impl Found {
     }
 }
 
-/// Changes of the compared mask between consecutive dates, and from the first to the last; with what they found.
+/// Changes of the compared mask between consecutive dates, and from the first to the last; with what they found. `with_tissue`: with the
+/// tissue around what moved, which takes seconds.
 fn changes(
     case: &Arc<Case>,
     doc: &Document,
+    with_tissue: bool,
     progress: &Progress,
 ) -> Result<(Vec<ChangeReport>, Vec<Check>), AppError> {
     let Ok(whole) = doc.edit.change.chosen(case) else { return Ok(Default::default()) };
@@ -180,7 +186,10 @@ fn changes(
     for dates in pairs {
         // A date may lack the mask.
         let Ok(choice) = Choice::at(case, Some(&whole.id), dates) else { continue };
-        let (report, ..) = change::between_with_surroundings(case, &choice, &options, None, progress)?;
+        let report = match with_tissue {
+            true => change::between_with_surroundings(case, &choice, &options, None, progress)?.0,
+            false => change::between(case, &choice, &options, None, progress)?.0,
+        };
         found.extend(report.own_warnings(case).iter().cloned());
         reports.push(report);
     }

@@ -147,7 +147,7 @@ pub fn make(
     painter: &mut dyn Painter,
     progress: &Progress,
 ) -> Result<Report, AppError> {
-    let found = Found::of(case, doc, response.map(|(answered, _)| answered), progress)?;
+    let found = Found::of(case, doc, response.map(|(answered, _)| answered), false, progress)?;
     let answered = response.map(|(answered, _)| answered).or(found.response.as_ref());
     let evaluated = answered.map(|answered| &answered.evaluated);
     let words = words(options.language);

@@ -14,15 +14,10 @@ use crate::{words::Words, world::response::Answered};
 
 /// A table of targets, other lesions of the baseline and new ones, for each compartment that has a sum; nothing without one.
 pub fn blocks(answered: &Answered, words: &Words, redactor: &Redactor) -> Vec<Block> {
-    let Answered { evaluated, lesions } = answered;
-    let Some(last) = evaluated.response.dates.last() else { return Vec::new() };
+    let Some(last) = answered.evaluated.response.dates.last() else { return Vec::new() };
     let tables = last.by_diameters.sums.iter().filter_map(|sum| {
         let baseline = sum.baseline.as_ref()?;
-        let dates = [baseline.date.as_str(), last.date.as_str()];
-        let own = lesions.iter().find(|(compartment, _)| *compartment == sum.compartment);
-        let lesions = own.map(|(_, report)| report.as_ref());
-        let by_hand = &evaluated.stated.measurement;
-        let of = Targets { lesions, by_hand, words, redactor, dates, with_products: true };
+        let of = Targets::of(answered, sum, [&baseline.date, &last.date], words, redactor);
         let by_volume = last.by_volume.sums.iter().find(|by_volume| by_volume.compartment == sum.compartment);
         Some(Block::Table(of.table(sum, by_volume)))
     });
@@ -36,8 +31,7 @@ pub fn blocks(answered: &Answered, words: &Words, redactor: &Redactor) -> Vec<Bl
 /// Calls, lesions and sums of two scans in one table, of which the first is the baseline: `None` where the last isn't compared with that alone,
 /// or compartments have sums of their own.
 pub fn of_two_scans(answered: &Answered, words: &Words, redactor: &Redactor) -> Option<Table> {
-    let Answered { evaluated, lesions } = answered;
-    let [first, last] = evaluated.response.dates.as_slice() else { return None };
+    let [first, last] = answered.evaluated.response.dates.as_slice() else { return None };
     let [sum] = last.by_diameters.sums.as_slice() else { return None };
     // Not all criteria judge volumes.
     let by_volume = match last.by_volume.sums.as_slice() {
@@ -52,15 +46,10 @@ pub fn of_two_scans(answered: &Answered, words: &Words, redactor: &Redactor) -> 
     if !is_of_first(sum) || !by_volume.is_none_or(is_of_first) {
         return None;
     }
-    let own = lesions.iter().find(|(compartment, _)| *compartment == sum.compartment);
     let of = Targets {
-        lesions: own.map(|(_, report)| report.as_ref()),
-        by_hand: &evaluated.stated.measurement,
-        words,
-        redactor,
-        dates: [&first.date, &last.date],
         // Of one target it is the sum.
         with_products: sum.lesions.iter().filter(|lesion| lesion.target).count() > 1,
+        ..Targets::of(answered, sum, [&first.date, &last.date], words, redactor)
     };
     let Table { rows: sizes, note, .. } = of.table(sum, by_volume);
     let calls = |of: fn(&DateResponse) -> &Judgement| [first, last].map(|date| call(of(date), words));
@@ -96,7 +85,22 @@ struct Targets<'a> {
     with_products: bool,
 }
 
-impl Targets<'_> {
+impl<'a> Targets<'a> {
+    /// Those of the compartment that `sum` is of.
+    fn of(
+        answered: &'a Answered,
+        sum: &SumReport,
+        dates: [&'a str; 2],
+        words: &'a Words,
+        redactor: &'a Redactor,
+    ) -> Self {
+        let Answered { evaluated, lesions } = answered;
+        let own = lesions.iter().find(|(compartment, _)| *compartment == sum.compartment);
+        let lesions = own.map(|(_, report)| report.as_ref());
+        let by_hand = &evaluated.stated.measurement;
+        Self { lesions, by_hand, words, redactor, dates, with_products: true }
+    }
+
     /// The lesions by diameters, and below them the sums by diameters and by volume.
     fn table(&self, sum: &SumReport, by_volume: Option<&SumReport>) -> Table {
         let words = self.words;

@@ -75,7 +75,7 @@ impl Preview {
             let shown = report::anonymous(&case, doc, options)?;
             let found = match known {
                 Some(found) => found,
-                None => Arc::new(Found::of(&shown.case, &shown.doc, None, progress)?),
+                None => Arc::new(Found::of(&shown.case, &shown.doc, None, true, progress)?),
             };
             let front = found.preview(&shown.case, &shown.doc, options);
             Ok((found, front))

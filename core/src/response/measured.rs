@@ -153,10 +153,6 @@ fn with_new_lesions(mut history: History, report: &LesionsReport) -> History {
 
 /// Where the masks show a new lesion and the history says that there is none, or the reverse; and scans without the mask, in one line each.
 fn contradictions_of(history: &History, report: &LesionsReport) -> Vec<Phrase> {
-    let says_none = |time: &str| {
-        let facts = history.date.iter().find(|facts| facts.date.0 == time);
-        facts.and_then(|facts| facts.new_lesion.as_ref()).is_some_and(|fact| fact.value == NewLesion::None)
-    };
     let born = report.lesions.iter().flat_map(|lesion| {
         let dates = lesion.dates.iter().filter(|date| date.events.contains(&EventKind::Born));
         dates.map(move |date| (lesion, date))
@@ -183,7 +179,7 @@ fn contradictions_of(history: &History, report: &LesionsReport) -> Vec<Phrase> {
         say::SCAN_WITHOUT_MASK
             .with([("date", date.time.as_str().into()), ("mask", report.of.as_str().into())])
     });
-    born.filter(|(_, date)| says_none(&date.time))
+    born.filter(|(_, date)| stated(&date.time) == Some(NewLesion::None))
         .map(|(lesion, date)| {
             let ml = date.volume_ml.unwrap_or_default();
             say::CONTRADICTION.with([

@@ -282,9 +282,8 @@ fn head(ui: &mut Ui, input: &Input<'_>, new: &mut ResponseSetting, out: &mut Com
                 for criterion in Criterion::VARIANTS {
                     let is_chosen = chosen == Some(*criterion);
                     if ui.selectable_label(is_chosen, criterion.name()).clicked() && !is_chosen {
-                        new.set_criterion(Some(*criterion));
                         let mask = input.doc.edit.lesions.mask(input.case, &input.doc.edit.change);
-                        new.propose_baseline(input.case, mask.as_deref());
+                        new.judge_by(*criterion, input.case, mask.as_deref());
                     }
                 }
             })

@@ -39,6 +39,7 @@ pub enum LookCommand {
     NextContext,
     SetConvention(Convention),
     SetSliceAxes(AxesOf),
+    ToggleTumorAxes(Plane),
     SetSliceZoom(Option<f64>),
     SetPan(Plane, DVec2),
     ResetSlices,
@@ -84,7 +85,10 @@ impl LookCommand {
                 .iter()
                 .map(|of| listed(Self::SetSliceAxes(*of)).menu(Menu::Slices, 1))
                 .collect(),
-            LookKind::ResetSlices => vec![listed(Self::ResetSlices).key(Key::R).menu(Menu::Slices, 2)],
+            LookKind::ToggleTumorAxes => {
+                Plane::ALL.map(|plane| listed(Self::ToggleTumorAxes(plane)).menu(Menu::Slices, 2)).into()
+            }
+            LookKind::ResetSlices => vec![listed(Self::ResetSlices).key(Key::R).menu(Menu::Slices, 3)],
             LookKind::SetCamera
             | LookKind::SetZoom
             | LookKind::SetCursor
@@ -130,6 +134,10 @@ impl LookCommand {
                 Convention::Neurological => "Neurological: patient's left on the left",
             }),
             Self::SetSliceAxes(of) => Label::new(of.name()),
+            Self::ToggleTumorAxes(plane) => {
+                let text = format!("{} slice alone along the tumour's own axes", plane.name());
+                Label::new(text).detail("The principal axes of the masks shown; the other slices stay")
+            }
             Self::SetSliceZoom(_) => Label::new("Zoom the slices"),
             Self::SetPan(..) => Label::new("Move the slice"),
             Self::ResetSlices => Label::new("Fit the slices"),
@@ -144,6 +152,7 @@ impl LookCommand {
             Self::SetTool(tool) => Entry::Choice(doc.nav.ruler_on && doc.nav.tool == *tool),
             Self::SetConvention(convention) => Entry::Choice(doc.nav.convention == *convention),
             Self::SetSliceAxes(of) => Entry::Choice(doc.nav.slice_axes.of == *of),
+            Self::ToggleTumorAxes(plane) => Entry::Switch(doc.nav.own_axes.contains_key(plane)),
             _ => Entry::Plain,
         }
     }
@@ -214,9 +223,16 @@ impl LookCommand {
             Self::SetSliceAxes(of) => {
                 if let Some(axes) = world.slice_axes(doc, *of) {
                     doc.nav.slice_axes = axes;
+                    doc.nav.own_axes.clear();
                     // Along other axes.
                     doc.nav.pan_mm = [DVec2::ZERO; 3];
                 }
+            }
+            Self::ToggleTumorAxes(plane) => {
+                let was_own = doc.nav.own_axes.remove(plane).is_some();
+                let axes = world.slice_axes(doc, AxesOf::Tumor).filter(|_| !was_own);
+                doc.nav.own_axes.extend(axes.map(|axes| (*plane, axes)));
+                doc.nav.pan_mm[*plane as usize] = DVec2::ZERO;
             }
             Self::SetSliceZoom(mm_per_point) => {
                 nav.mm_per_point = mm_per_point.filter(|z| z.is_finite()).map(|z| z.clamp(1e-3, 1e3));
@@ -258,7 +274,7 @@ pub(super) fn center_on(doc: &mut Document, world: &World, place_mm: DVec3) {
         (None, None) => return,
     };
     for plane in Plane::ALL {
-        let orientation = (doc.nav.convention, doc.nav.slice_axes.turn);
+        let orientation = (doc.nav.convention, doc.nav.turn_of(plane));
         let fitted = SliceView::fit_turned(plane, orientation, bounds_mm, place_mm, [1, 1]);
         let offset_mm = place_mm - fitted.center_mm;
         doc.nav.pan_mm[plane as usize] =

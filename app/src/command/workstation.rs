@@ -7,11 +7,11 @@ use std::{
     time::{Instant, SystemTime},
 };
 
+use egui_tiles::Tree;
 use glioscope_cohort::hidden_order;
 use glioscope_core::{
     case::{self, Case, LoadOptions, Proposal},
     files::{Inputs, absolute},
-    response::Criterion,
 };
 
 use glioscope_render::MaskColors;
@@ -20,7 +20,7 @@ use super::{Command, EditCommand};
 use crate::{
     error::AppError,
     model::{
-        Answer, Answers, CaseRef, Document, Edit, History, PictureSize, Place, Session,
+        Answer, Answers, CaseRef, Document, Edit, History, PaneId, PictureSize, Place, Session, Usual,
         cohort::{CohortReading, OpenCohort},
         layout::{self, Held},
         masks::{MaskLook, MaskLooks},
@@ -108,8 +108,10 @@ pub struct Workstation {
     pub options: LoadOptions,
     /// The size of exported pictures.
     pub picture_size: PictureSize,
-    /// The criteria of the report that was written last: those of a case that is opened next.
-    pub usual_criterion: Option<Criterion>,
+    /// What a case that is opened next is read with.
+    pub usual: Usual,
+    /// The panes with which the case opened, where the program chose them for its reading.
+    pub opened_with: Option<Tree<PaneId>>,
     /// The last error, until dismissed.
     pub error: Option<AppError>,
     /// The last completed action, for the status line.
@@ -183,7 +185,11 @@ impl Workstation {
         let count = self.world.time_point_count();
         let held = self.world.case().and_then(|case| Some(Held::at(case.time_points.first()?, count)));
         let arranged = self.doc.as_ref().map(|doc| &doc.edit.layout).zip(held);
-        let arranged = arranged.filter(|(layout, held)| !layout::is_as_opened(layout, *held));
+        let opened_with = self.opened_with.take();
+        let arranged = arranged.filter(|(layout, held)| {
+            !layout::is_as_opened(layout, *held)
+                && !opened_with.is_some_and(|opened| layout::is_same(layout, &opened))
+        });
         let before = arranged.map(|(layout, _)| (count, layout.clone()));
         self.world = World::new(loaded);
         self.installed += 1;
@@ -532,10 +538,12 @@ impl Workstation {
                 let mut notices = Vec::new();
                 if let (true, Some(case), Some(doc)) = (is_new, self.world.case(), &mut self.doc) {
                     // The sample is nobody's to judge.
-                    let usual = self.usual_criterion.filter(|_| doc.case != CaseRef::Sample);
-                    let is_judged = doc.open_for_reading(case, usual, !keeps_layout);
+                    let usual =
+                        if doc.case == CaseRef::Sample { Usual::default() } else { self.usual.clone() };
+                    let is_judged = doc.open_for_reading(case, &usual, !keeps_layout);
+                    self.opened_with = (!keeps_layout).then(|| doc.edit.layout.clone());
                     self.saved = Some(Box::new(doc.edit.clone()));
-                    if let Some(criterion) = usual.filter(|_| is_judged) {
+                    if let Some(criterion) = usual.criterion.filter(|_| is_judged) {
                         notices.push(format!("Criteria as in the last report: {}.", criterion.name()));
                     }
                 }

@@ -9,16 +9,15 @@ use std::{
 };
 
 use egui_tiles::Tree;
-use glam::{DVec2, DVec3};
+use glam::{DMat3, DVec2, DVec3};
 use glioscope_core::{
     Grid,
     case::{Alignment, Case, CaseGridChoice, LoadOptions, OrderBasis, TimePoint},
     optics::{Camera, Projection},
-    response::Criterion,
 };
 use glioscope_render::{
     ClipPlane, Coloring, Lens, Palette, TransferFunction,
-    flat::{Convention, Overlay, PreparedContext, Window},
+    flat::{Convention, Overlay, Plane, PreparedContext, Window},
 };
 use serde::{Deserialize, Serialize};
 
@@ -37,7 +36,7 @@ use super::{
     overlap::OverlapMode,
     pane::PaneId,
     reading::Reading,
-    response::ResponseSetting,
+    response::{ResponseSetting, Usual},
     rulers::Ruler,
     shape::Tool,
     slice_axes::SliceAxes,
@@ -261,6 +260,9 @@ pub struct Navigation {
     /// Along which axes slices lie.
     #[serde(default)]
     pub slice_axes: SliceAxes,
+    /// The axes of planes whose slice alone lies along others.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub own_axes: BTreeMap<Plane, SliceAxes>,
     /// Whether hovering over a view shows the crosshair under the pointer.
     pub follow_pointer: bool,
     /// Magnification of each 3D view whose orientation follows the closeup's; absent entries are 1, which fits.
@@ -285,6 +287,11 @@ impl Navigation {
     /// Where the crosshair is shown: under a hovering pointer, else where it is pinned.
     pub fn crosshair_mm(&self) -> DVec3 {
         self.preview.map_or(self.cursor_mm, |(_, place_mm)| place_mm)
+    }
+
+    /// The rotation that takes the patient's axes to those of a plane's slice.
+    pub fn turn_of(&self, plane: Plane) -> DMat3 {
+        self.own_axes.get(&plane).unwrap_or(&self.slice_axes).turn
     }
 
     /// Pins the crosshair.
@@ -436,6 +443,7 @@ impl Document {
                 mm_per_point: None,
                 pan_mm: [DVec2::ZERO; 3],
                 slice_axes: SliceAxes::default(),
+                own_axes: BTreeMap::new(),
                 follow_pointer: true,
                 zooms: BTreeMap::new(),
                 show_plane: false,
@@ -448,7 +456,7 @@ impl Document {
 
     /// Makes an initial document one to be read: at the last date, if dates have an order; with PET over the first image, where
     /// the panes are for that; with `usual` criteria, where several dates are judged. `arranges`: with the panes for these. Returns whether it is judged.
-    pub fn open_for_reading(&mut self, case: &Case, usual: Option<Criterion>, arranges: bool) -> bool {
+    pub fn open_for_reading(&mut self, case: &Case, usual: &Usual, arranges: bool) -> bool {
         if let Some((time, current)) = current_date(case) {
             let Self { edit: Edit { lens, lens_on, .. }, nav, .. } =
                 Self::new(self.case.clone(), current, case.time_points.len());
@@ -470,13 +478,14 @@ impl Document {
         is_judged
     }
 
-    /// Chooses criteria where several dates with masks have an order; whether it does.
-    fn judge_by(&mut self, case: &Case, criterion: Option<Criterion>) -> bool {
+    /// Chooses criteria where several dates with masks have an order; whether it does. Facts are then stated by the usual reader.
+    fn judge_by(&mut self, case: &Case, usual: &Usual) -> bool {
         let with_masks = case.time_points.iter().filter(|time| !time.masks.is_empty()).count();
         let is_judged = with_masks > 1 && case.order != OrderBasis::Unknown;
-        let Some(criterion) = criterion.filter(|_| is_judged) else { return false };
+        let Some(criterion) = usual.criterion.filter(|_| is_judged) else { return false };
         let mask = self.edit.lesions.mask(case, &self.edit.change);
         self.edit.response.judge_by(criterion, case, mask.as_deref());
+        self.edit.response.author.clone_from(&usual.reader);
         true
     }
 

@@ -49,7 +49,12 @@ pub fn opening(held: Held) -> Tree<PaneId> {
 
 /// Whether a layout is still that with which a case opens, as far as a reader sees.
 pub fn is_as_opened(layout: &Tree<PaneId>, held: Held) -> bool {
-    simplified(layout.clone()) == simplified(opening(held))
+    is_same(layout, &opening(held))
+}
+
+/// Whether two layouts are the same, as far as a reader sees.
+pub fn is_same(a: &Tree<PaneId>, b: &Tree<PaneId>) -> bool {
+    simplified(a.clone()) == simplified(b.clone())
 }
 
 /// As drawing it does.

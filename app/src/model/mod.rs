@@ -49,7 +49,7 @@ pub use pane::PaneId;
 pub use picture::PictureSize;
 pub use place::Place;
 pub use reading::Reading;
-pub use response::ResponseSetting;
+pub use response::{ResponseSetting, Usual};
 pub use rulers::{ExportFormat, Ruler};
 pub use session::{Origin, Session};
 pub use session_limits::kept_layout;

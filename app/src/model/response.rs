@@ -39,6 +39,15 @@ pub struct ResponseSetting {
     pub bt_rads_by: BTreeMap<String, Stated>,
 }
 
+/// What the last report had, for the case that is opened next.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Usual {
+    /// Its criteria; `None`: it had none.
+    pub criterion: Option<Criterion>,
+    /// Who stated or signed last; empty: nobody did.
+    pub reader: String,
+}
+
 impl ResponseSetting {
     /// With these criteria and what was stated before; `None`: no response.
     pub fn set_criterion(&mut self, criterion: Option<Criterion>) {

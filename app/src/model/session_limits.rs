@@ -304,11 +304,14 @@ fn check_navigation(nav: &Navigation) -> Checked {
     if let Some(mm_per_point) = nav.mm_per_point {
         number("mm_per_point", mm_per_point, &(1e-3..=1e3))?;
     }
-    let turn = nav.slice_axes.turn;
-    let is_rotation =
-        (turn.transpose() * turn).abs_diff_eq(DMat3::IDENTITY, 1e-6) && turn.determinant() > 0.0;
-    if !is_rotation {
+    let is_rotation = |turn: DMat3| {
+        (turn.transpose() * turn).abs_diff_eq(DMat3::IDENTITY, 1e-6) && turn.determinant() > 0.0
+    };
+    if !is_rotation(nav.slice_axes.turn) {
         return fault("slice_axes turn", "another matrix", "a rotation");
+    }
+    if !nav.own_axes.values().all(|axes| is_rotation(axes.turn)) {
+        return fault("own_axes turn", "another matrix", "a rotation");
     }
     nav.pan_mm.iter().try_for_each(|pan_mm: &DVec2| numbers("pan_mm", pan_mm.to_array(), &PLACE_MM))?;
     nav.zooms.values().try_for_each(|zoom| number("zooms", *zoom, &(1e-3..=1e4)))

@@ -12,6 +12,7 @@ mod filed;
 mod front;
 mod html;
 mod identity;
+mod lesion_pictures;
 mod markdown;
 mod pdf;
 mod plot;
@@ -27,7 +28,7 @@ use std::sync::Arc;
 use glioscope_core::{
     Progress,
     case::Case,
-    lesions::{LesionDate, LesionsReport, new_lesions},
+    lesions::LesionsReport,
     response::{Evaluated, NewLesion},
 };
 use glioscope_render::flat::Convention;
@@ -56,8 +57,6 @@ use recipe::Input;
 const LONGER_PX: f32 = 1100.0;
 /// The size of a diagram of columns, pixels.
 const PLOT_OF_MANY_PX: [u32; 2] = [1300, 1100];
-/// New lesions that have a picture of their own.
-const MOST_NEW: usize = 3;
 /// The shorter side of one, at least.
 const LEAST_PX: f32 = 300.0;
 
@@ -171,7 +170,13 @@ pub fn make(
     let Front { title, mut blocks, notes } = found.front(&content, answered, false);
     if form.has_pictures() {
         blocks.push(Block::Heading(words.get("section-pictures")));
-        blocks.extend(pictures(case, &pictured(case, doc, answered), &content, painter, progress)?);
+        blocks.extend(pictures(
+            case,
+            &pictured(case, doc, answered),
+            (&content, answered),
+            painter,
+            progress,
+        )?);
     }
     if answered.is_some() {
         blocks.extend(content.summary(false));
@@ -253,7 +258,7 @@ fn pictured(case: &Case, doc: &Document, answered: Option<&Answered>) -> Documen
 fn pictures(
     case: &Case,
     doc: &Document,
-    content: &Content<'_>,
+    (content, answered): (&Content<'_>, Option<&Answered>),
     painter: &mut dyn Painter,
     progress: &Progress,
 ) -> Result<Vec<Block>, AppError> {
@@ -266,13 +271,20 @@ fn pictures(
             let Some(size) = pane.row().report_px else { continue };
             let many = case.time_points.iter().any(|time| time.masks.len() > MAX_RING_MASKS);
             let size = if pane == PaneId::Overlap && many { PLOT_OF_MANY_PX } else { size };
-            let rgba = painter.picture(pane, size)?;
-            let caption = caption_of(case, doc, pane, &words.get(key), words);
-            let name = pane.row().cli.unwrap_or(key).to_owned();
-            blocks.push(Block::Picture(Picture { name, caption, size, rgba }));
-            if matches!(pane, PaneId::SideBySide | PaneId::Axial) {
-                blocks.extend(new_lesions_shown(case, doc, (pane, size), content, painter)?);
+            let (of_lesions, has_targets) = match pane {
+                PaneId::SideBySide | PaneId::Axial => {
+                    lesion_pictures::blocks((case, doc), (pane, size), content, answered, painter)?
+                }
+                _ => (Vec::new(), false),
+            };
+            // Slices of the targets say more than that of the tumour's middle.
+            if !has_targets {
+                let rgba = painter.picture(pane, size)?;
+                let caption = caption_of(case, doc, pane, &words.get(key), words);
+                let name = pane.row().cli.unwrap_or(key).to_owned();
+                blocks.push(Block::Picture(Picture { name, caption, size, rgba }));
             }
+            blocks.extend(of_lesions);
         }
         return Ok(blocks);
     }
@@ -293,41 +305,6 @@ fn pictures(
         let caption = caption_of(case, &shown, pane, &own, words);
         let name = format!("{}-{}", n + 1, pane.row().cli.unwrap_or("view"));
         blocks.push(Block::Picture(Picture { name, caption, size, rgba }));
-    }
-    painter.show(doc);
-    Ok(blocks)
-}
-
-/// The largest new lesions of the last date, each in its axial slice.
-fn new_lesions_shown(
-    case: &Case,
-    doc: &Document,
-    (pane, size): (PaneId, [u32; 2]),
-    content: &Content<'_>,
-    painter: &mut dyn Painter,
-) -> Result<Vec<Block>, AppError> {
-    let (Some(report), Some(last)) = (content.lesions, case.time_points.last()) else {
-        return Ok(Vec::new());
-    };
-    let new = new_lesions(report).filter(|(_, date)| date.time == last.label);
-    let part_of = |date: &LesionDate| {
-        let largest = date.parts.iter().max_by(|a, b| a.volume_ml.total_cmp(&b.volume_ml))?;
-        Some((largest.volume_ml, largest.diameters.d1.from_mm.midpoint(largest.diameters.d1.to_mm)))
-    };
-    let mut new: Vec<_> = new.filter_map(|(name, date)| Some((name, part_of(date)?))).collect();
-    new.sort_by(|(_, (a, _)), (_, (b, _))| b.total_cmp(a));
-    let mut blocks = Vec::new();
-    for (n, (name, (_, place_mm))) in new.into_iter().take(MOST_NEW).enumerate() {
-        let mut shown = doc.clone();
-        shown.nav.time = case.time_points.len() - 1;
-        // The whole slice, at the lesion.
-        shown.nav.mm_per_point = None;
-        shown.nav.pin_mm(place_mm);
-        painter.show(&shown);
-        let rgba = painter.picture(pane, size)?;
-        let caption = content.words.with("picture-new-lesion", &[("lesion", content.redactor.text(name))]);
-        let caption = caption_of(case, &shown, pane, &caption, content.words);
-        blocks.push(Block::Picture(Picture { name: format!("new-lesion-{}", n + 1), caption, size, rgba }));
     }
     painter.show(doc);
     Ok(blocks)

@@ -160,7 +160,7 @@ impl Pane for ChangePane {
         let (focus_mm, radius_mm) = (input.doc.edit.lens.center_mm, tumor_radius_mm(input.time_point));
         let camera = linked_camera(&nav.camera, focus_mm, radius_mm, nav.zoom(PaneId::Change));
         let mut scene = ChangeScene {
-            surface: compared.surface.clone(),
+            surface: looked.as_ref().and_then(|looked| looked.surface.clone()).or(compared.surface.clone()),
             look: change_look(&input, &compared),
             base: ChangeLook::BASE,
             context: ChangeContext {
@@ -181,7 +181,8 @@ impl Pane for ChangePane {
         let hover_text = self.canvas.hover().map(|pick| pick_text(&compared, looked.as_deref(), pick));
         partner_line(ui, &view, self.canvas.hover());
         ruler::draw_3d(&ui.painter().with_clip_rect(rect), input.doc, &view.camera, rect, None);
-        legend(ui, &input, rect, (&compared, &lines), &scene.look);
+        let has_displaced = scene.surface.as_ref().is_some_and(|surface| surface.has_displaced());
+        legend(ui, &input, rect, (&compared, &lines, has_displaced), &scene.look);
         marks::corners(ui, rect, input.sides_known(), (&view.camera, "at the middle"), true);
         self.canvas.draw_overlays(ui, &view, &response, &outcome, hover_text.as_deref());
         response.widget_info(|| {
@@ -404,7 +405,7 @@ fn legend(
     ui: &Ui,
     input: &Input<'_>,
     rect: Rect,
-    (compared, more): (&Comparison, &[CheckLine]),
+    (compared, more, has_displaced): (&Comparison, &[CheckLine], bool),
     look: &ChangeLook,
 ) {
     let dark = ui.visuals().dark_mode;
@@ -443,6 +444,9 @@ fn legend(
         format::count(report.vectors as u64)
     );
     lines.push((None, uncertain));
+    if has_displaced {
+        lines.push((Some(ChangeLook::DISPLACED), "the tissue around moved too: displaced?".into()));
+    }
     if report.has_volumes_only() {
         let [from, to] = [report.from_ml, report.to_ml].map(format::ml);
         lines = vec![(None, format!("{from} at {}, {to} at {}", report.from, report.to))];

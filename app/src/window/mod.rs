@@ -47,6 +47,7 @@ use std::{
 };
 
 use egui::{CentralPanel, Context, Event, Panel, Rect, Ui};
+use glioscope_core::files::is_writable_folder;
 use glioscope_render::{Gpu, RenderError};
 
 use crate::{
@@ -175,7 +176,7 @@ impl GlioscopeApp {
     ) -> Result<Self, RenderError> {
         let preferences = Preferences::in_folder(recent.folder());
         work.picture_size = preferences.get().pictures;
-        work.usual_criterion = preferences.get().criterion;
+        work.usual = preferences.usual();
         work.answers = Answers::in_folder(recent.folder());
         let panes = graphics.as_ref().map_or_else(|| Ok(Panes::default()), Panes::on)?;
         Ok(Self {
@@ -644,9 +645,6 @@ impl GlioscopeApp {
         }
     }
 
-    /// The folder in which a file dialog begins. Of what is written of a case: that of what was written of it last, else the case's
-    /// own, so that nothing of one patient is proposed beside another's; `None` where it has none. Else that of the file chosen last. A
-    /// manifest belongs beside the files it describes.
     /// The purpose of saving the session: beside a folder that is a case it is named after that, so that no two cases have one name.
     fn save_session(&self) -> Purpose {
         let name = match self.work.doc.as_ref().map(|doc| &doc.case) {
@@ -657,11 +655,18 @@ impl GlioscopeApp {
         Purpose::SaveSession { stem: name.unwrap_or_else(|| "case".into()) }
     }
 
+    /// The folder in which a file dialog begins. Of what is written of a case: that of what was written of it last, else the case's
+    /// own, so that nothing of one patient is proposed beside another's; `None` where it has none. Else that of the file chosen last. A
+    /// manifest belongs beside the files it describes. Where that can't be written, as on a disc or a study's share, the user's documents.
     fn folder_for(&self, purpose: &Purpose) -> Option<PathBuf> {
         if let (Purpose::Manifest, Some(guess)) = (purpose, &self.work.guess) {
             return std::path::absolute(&guess.proposal.folder).ok();
         }
-        let last = self.preferences.get().folder.clone().filter(|folder| folder.is_dir());
+        let is_usable = |folder: &PathBuf| match purpose.file_name() {
+            Some(_) => is_writable_folder(folder),
+            None => folder.is_dir(),
+        };
+        let last = self.preferences.get().folder.clone().filter(is_usable);
         let is_read_again = !matches!(
             purpose,
             Purpose::Report(_)
@@ -679,14 +684,20 @@ impl GlioscopeApp {
         });
         let is_of_case = !is_read_again || matches!(purpose, Purpose::SaveSession { .. } | Purpose::Masks(_));
         let written = self.written_to.as_ref().filter(|(of, _)| is_of_case && *of == self.work.installed);
-        let written = written.map(|(_, folder)| folder.clone()).filter(|folder| folder.is_dir());
-        let own = case.clone().filter(|folder| is_of_case && folder.is_dir());
+        let written = written.map(|(_, folder)| folder.clone()).filter(is_usable);
+        let own = case.clone().filter(|folder| is_of_case && is_usable(folder));
         // A session belongs to its case, wherever else a file was written.
         let own =
             if matches!(purpose, Purpose::SaveSession { .. }) { own.or(written) } else { written.or(own) };
         let last = last.filter(|_| !is_of_case);
-        let current = || std::env::current_dir().ok().filter(|_| !is_of_case);
-        let folder = own.or(last).or(case).or_else(current)?;
+        let current = || std::env::current_dir().ok().filter(|folder| !is_of_case && is_usable(folder));
+        let documents = || {
+            let folders = directories::UserDirs::new().filter(|_| case.is_some())?;
+            let folder = folders.document_dir().unwrap_or_else(|| folders.home_dir());
+            Some(folder.to_owned()).filter(is_usable)
+        };
+        let folder =
+            own.or(last).or_else(|| case.clone().filter(is_usable)).or_else(current).or_else(documents)?;
         std::path::absolute(folder).ok()
     }
 
@@ -720,6 +731,7 @@ impl GlioscopeApp {
                 let by_reader = self.stated_by_reader(new).map(Command::Edit);
                 self.work.apply(by_reader.as_ref().unwrap_or(command), now);
                 self.preferences.remember_reader(&new.author);
+                self.work.usual = self.preferences.usual();
             }
             Command::Edit(_) | Command::Look(_) => self.work.apply(command, now),
         }
@@ -728,7 +740,7 @@ impl GlioscopeApp {
     /// The response of a case for which nothing was stated is begun by who stated one last.
     fn stated_by_reader(&self, new: &ResponseSetting) -> Option<EditCommand> {
         let old = &self.work.doc.as_ref()?.edit.response;
-        let reader = &self.preferences.get().reader;
+        let reader = &self.work.usual.reader;
         let begins = old.history.is_none() && new.history.is_some() && new.author.is_empty();
         (begins && !reader.is_empty()).then(|| {
             EditCommand::SetResponse(Box::new(ResponseSetting { author: reader.clone(), ..new.clone() }))

@@ -180,10 +180,10 @@ impl GlioscopeApp {
                 if self.work.world.time_point_count() > 1 {
                     let history = edit.and_then(|edit| edit.response.history.as_ref());
                     remembered.criterion = history.map(|history| history.criterion);
-                    self.work.usual_criterion = remembered.criterion;
                 }
                 let reader = edit.map(|edit| edit.reading.reader.clone());
                 self.preferences.remember_reader(&reader.unwrap_or_default());
+                self.work.usual = self.preferences.usual();
                 self.preferences.save();
                 self.write_report(ctx, *options, path);
             }

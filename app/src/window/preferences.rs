@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::{
-    model::{PaneId, PictureSize, kept, kept_layout, response::MOST_AUTHOR},
+    model::{PaneId, PictureSize, Usual, kept, kept_layout, response::MOST_AUTHOR},
     words::Language,
 };
 
@@ -80,6 +80,11 @@ impl Preferences {
             .map(|sides| sides.map(|side| side.clamp(low, high)));
         now.reader = now.reader.trim().chars().take(MOST_AUTHOR).collect();
         Self { file, written: now.clone(), now }
+    }
+
+    /// What a case that is opened next is read with.
+    pub fn usual(&self) -> Usual {
+        Usual { criterion: self.now.criterion, reader: self.now.reader.clone() }
     }
 
     /// Remembers who reads, if that is said.

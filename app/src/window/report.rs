@@ -9,7 +9,7 @@ use egui::{Button, Grid, Ui};
 use glioscope_core::{
     Progress,
     case::{Case, LoadOptions},
-    files::Inputs,
+    files::{Inputs, is_writable_folder},
     lesions::LesionsReport,
     response::Evaluated,
 };
@@ -66,7 +66,7 @@ impl ReportDialog {
     pub fn new(case: &Arc<Case>, language: Language, is_pdf: bool, folder: Option<PathBuf>) -> Self {
         // A report is signed unless its reader says otherwise.
         let options = Options { language, names_reader: true, ..Options::default() };
-        let folder = folder.filter(|folder| folder.is_dir());
+        let folder = folder.filter(|folder| is_writable_folder(folder));
         let proposed = folder.and_then(|folder| Some([unused(&folder, "html")?, unused(&folder, "pdf")?]));
         let words = [Language::En, Language::De].map(report::words);
         Self { case: Handle::of(case), options, words, is_pdf, proposed, preview: Preview::default() }
@@ -189,7 +189,7 @@ fn content(
             calls.filter(|_| doc.edit.response.history.is_some())
         });
         let chosen = usize::from(options.language == Language::De);
-        reading(ui, doc, (&now, chosen), options, out);
+        reading(ui, (doc, &work.usual.reader), (&now, chosen), options, out);
         pictures(ui, case, doc, out);
     }
     ui.add_space(6.0);
@@ -225,10 +225,10 @@ fn content(
 }
 
 /// The conclusion, and who signs it. `now`: the calls of the response in a sentence, by language, of which that `chosen` can be taken
-/// over.
+/// over; `reader`: who read last.
 fn reading(
     ui: &mut Ui,
-    doc: &Document,
+    (doc, reader): (&Document, &String),
     (now, chosen): (&[Option<String>; 2], usize),
     options: &mut Options,
     out: &mut Commands,
@@ -267,19 +267,24 @@ fn reading(
         let label = ui.label("Read by");
         let field = egui::TextEdit::singleline(&mut new.reader).desired_width(200.0).char_limit(MOST_READER);
         ui.add(field).labelled_by(label.id);
+        // A signature is the reader's own deed, also where the program knows who stated the facts. Its room stays when it was pressed.
+        let author = &doc.edit.response.author;
+        let known = if author.is_empty() { reader } else { author };
+        let is_asked = !known.is_empty() && new.reader.trim().is_empty();
+        let button = ui.add_visible(is_asked, Button::new(format!("I am {known}")).truncate());
+        if is_asked && button.clicked() {
+            new.reader.clone_from(known);
+        }
+    });
+    ui.horizontal(|ui| {
         let is_full = options.identity == Identity::Full;
         let mut is_named = is_full || options.names_reader;
-        let tick = ui.add_enabled(!is_full, egui::Checkbox::new(&mut is_named, "printed, with the day"));
+        let tick = egui::Checkbox::new(&mut is_named, "Name printed, with the day");
+        let tick = ui.add_enabled(!is_full, tick);
         if tick.changed() {
             options.names_reader = is_named;
         }
         tick.on_hover_text("Without it the report says that its reader isn't named");
-        // A signature is the reader's own deed, also where the program knows who stated the facts. Last, as it goes when it was pressed.
-        let author = &doc.edit.response.author;
-        if !author.is_empty() && new.reader.trim().is_empty() && ui.button(format!("I am {author}")).clicked()
-        {
-            new.reader.clone_from(author);
-        }
     });
     if new != doc.edit.reading {
         new.day = Timestamp::now().strftime("%Y-%m-%d").to_string();

@@ -43,7 +43,7 @@ impl PlaneResult {
         let window = doc.window_of(id, image);
         let bounds_mm = image.volume().grid().bounds_mm();
         let cursor_mm = doc.nav.crosshair_mm();
-        let orientation = (Convention::Radiological, doc.nav.slice_axes.turn);
+        let orientation = (Convention::Radiological, doc.nav.turn_of(Plane::Axial));
         let slice =
             SliceView::fit_turned(Plane::Axial, orientation, bounds_mm, cursor_mm, [SIDE_PX, SIDE_PX]);
         if let Some((cached_slice, cached_image, cached_window, plane)) = &self.cached

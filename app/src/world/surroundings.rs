@@ -8,6 +8,8 @@ use glioscope_core::{
     register::DeformOptions,
 };
 
+use glioscope_render::ChangeSurface;
+
 use super::{
     comparison::Comparison,
     jobs::{Ask, Derived, Handle, Lookup},
@@ -21,6 +23,8 @@ pub struct Looked {
     pub found: Surroundings,
     /// The comparison's report with it.
     pub report: ChangeReport,
+    /// The comparison's surface with marks where the tissue moved too; `None` where it didn't.
+    pub surface: Option<Arc<ChangeSurface>>,
 }
 
 impl Looked {
@@ -46,7 +50,10 @@ impl Looks {
             let options = DeformOptions::default();
             let found = change::surroundings(&case, &of.choice, &of.change, &options, progress)?;
             let report = of.report.clone().with_surroundings(&found);
-            Ok(Looked { found, report })
+            let displaced: Vec<bool> = found.tissue.iter().map(|tissue| *tissue == Tissue::Moved).collect();
+            let surface = of.surface.as_ref().filter(|_| displaced.contains(&true));
+            let surface = surface.map(|surface| Arc::new(surface.with_displaced(displaced)));
+            Ok(Looked { found, report, surface })
         };
         self.result.get(Handle::of(compared), ask, work)
     }
@@ -89,7 +96,10 @@ mod tests {
             let Lookup::Ready(looked) = looks.get(&case, compared, &ask) else { panic!("not looked at") };
             let marked =
                 compared.change.vectors.iter().filter(|v| looked.tissue(compared, v) == Some(Tissue::Moved));
-            (looked.report.clone(), marked.count(), line(&looked.report))
+            let marked = marked.count();
+            let surface = looked.surface.as_ref();
+            assert_eq!(surface.is_some_and(|surface| surface.has_displaced()), marked > 0);
+            (looked.report.clone(), marked, line(&looked.report))
         };
         let (report, marked, said) = look(&spec);
         assert_eq!(said, None);

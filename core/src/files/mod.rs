@@ -59,7 +59,9 @@ pub use opened::{open_regular, read_head, read_small, read_small_text};
 pub(crate) use read::other_files;
 pub use read::{files_of, info, read, read_tract_bytes, read_tract_scalar, read_tracts, segments};
 pub use tracts::{LoadedTracts, TractOptions};
-pub use write::{replace_files, temporary_folder, write_whole, write_whole_by, write_whole_private};
+pub use write::{
+    is_writable_folder, replace_files, temporary_folder, write_whole, write_whole_by, write_whole_private,
+};
 pub(crate) use write::{sweep, write_failed, write_whole_with};
 
 /// Where a file's bytes come from.

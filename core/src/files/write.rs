@@ -37,6 +37,21 @@ pub(crate) fn write_failed(path: &Path, why: &dyn std::fmt::Display) -> FileErro
     FileError::wrong(file, format!("writing failed: {why}"), "a place that can be written")
 }
 
+/// Whether a file can be created in `path`: that it is a folder, and this user may write there. On systems other than Unix only
+/// what the folder's own mark says.
+pub fn is_writable_folder(path: &Path) -> bool {
+    if !path.is_dir() {
+        return false;
+    }
+    #[cfg(unix)]
+    {
+        use rustix::fs::{Access, access};
+        access(path, Access::WRITE_OK | Access::EXEC_OK).is_ok()
+    }
+    #[cfg(not(unix))]
+    path.metadata().is_ok_and(|found| !found.permissions().readonly())
+}
+
 /// Writes `bytes` to `path` atomically, or leaves the existing file untouched: a temporary file in the same
 /// folder is flushed to disk, then renamed over `path`. A symbolic link is kept: its target is written.
 ///

@@ -6,7 +6,8 @@ use crate::common::read_bytes;
 use glam::{DAffine3, DMat3, DVec3};
 use glioscope_core::files::nifti_header::{Header, Version};
 use glioscope_core::files::{
-    WriteOptions, nifti_bytes, nifti_info, replace_files, temporary_folder, write_nifti, write_whole,
+    WriteOptions, is_writable_folder, nifti_bytes, nifti_info, replace_files, temporary_folder, write_nifti,
+    write_whole,
 };
 use glioscope_core::{Grid, Samples, Scaling, Sides, Volume, files::Source};
 use proptest::prelude::*;
@@ -369,4 +370,22 @@ fn folders_that_killed_runs_left_are_removed_and_no_others() {
     write_whole(&folder.path().join("file"), b"x").unwrap();
     let left: Vec<bool> = names.iter().map(|name| folder.path().join(name).exists()).collect();
     assert_eq!(left, [false, true, true, true, true]);
+}
+
+/// Beside what the system says when a file is created there: also of a user to whom every folder is open.
+#[test]
+fn a_folder_is_writable_where_a_file_can_be_created() {
+    let folder = tempfile::tempdir().unwrap();
+    let (own, file, missing) =
+        (folder.path().join("own"), folder.path().join("file"), folder.path().join("missing"));
+    std::fs::create_dir(&own).unwrap();
+    std::fs::write(&file, "").unwrap();
+    assert!(is_writable_folder(&own) && !is_writable_folder(&file) && !is_writable_folder(&missing));
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        std::fs::set_permissions(&own, std::fs::Permissions::from_mode(0o555)).unwrap();
+        assert_eq!(is_writable_folder(&own), std::fs::write(own.join("probe"), "").is_ok());
+        std::fs::set_permissions(&own, std::fs::Permissions::from_mode(0o755)).unwrap();
+    }
 }

@@ -379,4 +379,16 @@ mod tests {
             assert_eq!(encoded(linear(channel)), channel);
         }
     }
+
+    #[test]
+    fn displacement_differs_from_growth_recession_and_the_rest_for_each_viewer() {
+        use crate::views::change::ChangeLook;
+        let displaced = lab_for_each_viewer(ChangeLook::DISPLACED);
+        let pairs = [ChangeLook::THESIS, ChangeLook::COLOR_BLIND_SAFE];
+        for other in pairs.into_iter().flatten().chain([ChangeLook::BASE]) {
+            for (a, b) in displaced.into_iter().zip(lab_for_each_viewer(other)) {
+                assert!(delta_e00(a, b) >= 18.0, "{other:?}: {}", delta_e00(a, b));
+            }
+        }
+    }
 }

@@ -5,7 +5,7 @@
 
 struct Arrow {
     start: vec3<f32>,    // world directions, millimetres from the common origin
-    what: u32,           // its number from 1, GROWS, FAINT
+    what: u32,           // its number from 1, GROWS, FAINT, TISSUE_MOVED
     along: vec3<f32>,    // from its start to its tip
     unused: u32,
 }

@@ -18,6 +18,7 @@
 
 const GROWS = 0x1000000u;
 const FAINT = 0x2000000u;
+const TISSUE_MOVED = 0x800000u;
 // Opacity of the veil where it is at least three voxels thick.
 const VEIL = 0.14;
 // Brightness along an arrow's edge.
@@ -58,7 +59,7 @@ fn arrow_at(pixel: vec2<u32>, n: u32) -> ArrowSample {
         let hides = there.x == 0u || bitcast<f32>(there.y) > depth;
         edge = select(edge, dark, ((there.x ^ found.x) & ARROW_NUMBER) != 0u && hides);
     }
-    let tone = tone_of((found.x & GROWS) != 0u);
+    let tone = select(tone_of((found.x & GROWS) != 0u), change.displaced.rgb, (found.x & TISSUE_MOVED) != 0u);
     let pale = mix(tone, change.base, select(0.0, 0.6, (found.x & FAINT) != 0u));
     return ArrowSample(found.x, depth, pale * (edge * f32(found.x >> 26u) / 63.0));
 }
@@ -108,8 +109,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             color = hatched(color, kind, id.xy);
         } else if (varied(change.flags) & HAS_HEIGHTS) != 0u {
             let height = heights[at];
-            let opacity = clamp(abs(height.x) / change.full_mm, 0.0, 1.0) * clamp(height.y, 0.0, 1.0);
-            color = mix(color, tone_of(height.x > 0.0), opacity);
+            let opacity = clamp(abs(height.x) / change.full_mm, 0.0, 1.0) * clamp(certainty_of(height.y), 0.0, 1.0);
+            let tone = select(tone_of(height.x > 0.0), change.displaced.rgb, is_displaced(height.y));
+            color = mix(color, tone, opacity);
         }
         color = in_light(color, o);
     } else if (flags() & HAS_CONTEXT) != 0u {

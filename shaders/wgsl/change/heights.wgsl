@@ -1,5 +1,5 @@
 // Signed displacement of the surface at each pixel's voxel, and its certainty: 1, less within the
-// uncertainty; below 0 where there is no surface, or none with a counterpart.
+// uncertainty, with a mark where the tissue around moved too; below 0 where there is no surface, or none with a counterpart.
 #include lib/view
 #include lib/change
 

@@ -21,6 +21,7 @@ struct Change {
     flags: u32,
     kinds: array<vec4<u32>, 2>, // of region numbers 0 to 7
     outline: vec4<f32>,         // colour of the earlier date's outline
+    displaced: vec4<f32>,       // colour of a surface that moved with the tissue around it
 }
 
 const STYLE_HEIGHT = 1u;
@@ -32,7 +33,19 @@ const LIT_ARROWS = 32u;          // a pixel's light is that of its nearest arrow
 const HAS_EARLIER = 64u;
 
 // Bits of an arrow's `what` that hold its number, from 1.
-const ARROW_NUMBER = 0xffffffu;
+const ARROW_NUMBER = 0x7fffffu;
+
+// Added to the certainty of a length, at most 1, of which the tissue around it moved too.
+const DISPLACED = 4.0;
+
+fn is_displaced(certainty: f32) -> bool {
+    return certainty >= 0.5 * DISPLACED;
+}
+
+// The certainty without that mark.
+fn certainty_of(marked: f32) -> f32 {
+    return marked - select(0.0, DISPLACED, is_displaced(marked));
+}
 
 // Index bits of the regions: active before, after, in a component without a counterpart.
 const BEFORE = 1u;

@@ -1,6 +1,6 @@
 // One direction of the separable Gaussian filter over the heights. It runs from each pixel to both sides
 // and stops where the surface ends: at the background, at a depth step (a silhouette), at a surface
-// without a height.
+// without a height. A mark of what was displaced stays that of the pixel.
 
 @group(0) @binding(4) var<storage, read> depths: array<f32>;
 @group(0) @binding(19) var<storage, read> unfiltered: array<vec2<f32>>;
@@ -20,7 +20,7 @@ fn filter_along(pixel: vec2<u32>, direction: vec2<i32>) {
     let sigma_px = change.smooth_mm / footprint_mm(depth);
     let reach = i32(min(ceil(3.0 * sigma_px), MOST_REACH));
     let fall = -0.5 / (sigma_px * sigma_px);
-    var sum = own;
+    var sum = vec2<f32>(own.x, certainty_of(own.y));
     var weight = 1.0;
     for (var side = -1; side <= 1; side += 2) {
         var last = depth;
@@ -37,9 +37,9 @@ fn filter_along(pixel: vec2<u32>, direction: vec2<i32>) {
             }
             last = next;
             let w = exp(fall * f32(k * k));
-            sum += w * height;
+            sum += w * vec2<f32>(height.x, certainty_of(height.y));
             weight += w;
         }
     }
-    filtered[at] = sum / weight;
+    filtered[at] = sum / weight + vec2<f32>(0.0, select(0.0, DISPLACED, is_displaced(own.y)));
 }

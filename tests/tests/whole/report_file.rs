@@ -199,9 +199,13 @@ fn a_response_begins_with_what_a_referring_physician_reads() {
     let order = ["Response by RANO 2010</h2>", ">Sum of targets<", "Why, 2024-03-01:"];
     let order = [&order[..], &["Stated by the reader</h2>", "Pictures</h2>", "Lesions of T</h2>"]].concat();
     assert!(order.is_sorted_by_key(|what| place(what)), "{page}");
-    // The new lesion has its own slice, and no slice is shown twice.
-    assert_eq!(page.matches("<figcaption>New lesion B in its axial slice.").count(), 1, "{page}");
-    assert!(page.contains("The dates side by side") && !page.contains("Axial slice with the outlines"));
+    // Target and new lesion have their own slices with both dates, and no slice is shown twice.
+    for caption in
+        ["Target A in the axial slice of its longest diameter now.", "New lesion B in its axial slice,"]
+    {
+        assert_eq!(page.matches(&format!("<figcaption>{caption}")).count(), 1, "{caption}: {page}");
+    }
+    assert!(!page.contains("The dates side by side") && !page.contains("Axial slice with the outlines"));
     // Diameters have as many digits as their product needs.
     let cell = "<td class=\"number\">";
     let of_lesions = &page[place("Lesions of T</h2>")..];

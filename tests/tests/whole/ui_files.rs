@@ -196,7 +196,7 @@ fn the_report_dialog_writes_what_was_chosen_of_what_is_shown() {
     harness.get_by_label("Deutsch").click_accesskit();
     harness.run_ok();
     // Signed, unless the reader says otherwise.
-    harness.get_by_label("printed, with the day").click_accesskit();
+    harness.get_by_label("Name printed, with the day").click_accesskit();
     harness.run_ok();
     harness.get_by_label("Choose the file…").click_accesskit();
     for _ in 0..100 {

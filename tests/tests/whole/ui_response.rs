@@ -6,7 +6,11 @@ use egui::Key;
 use egui_kittest::kittest::{NodeT, Queryable};
 use glioscope::{
     command::{AppCommand, EditCommand, Workstation},
-    model::{CaseRef, PaneId, Reading, layout::Task, session},
+    model::{
+        CaseRef, PaneId, Reading,
+        layout::{self, Task},
+        session,
+    },
     report::Options,
     window::recent::Recent,
 };
@@ -264,9 +268,10 @@ fn new_lesions_of_the_masks_are_asked_about_and_stand_in_the_conclusion() {
     let reading = doc(&harness).edit.reading.clone();
     assert_eq!((reading.reader.as_str(), reading.day.len()), ("A. B.", 10));
     // Whether the reader will be named is said, not in a tip alone.
-    let printed = |harness: &Window| harness.get_by_label("printed, with the day").accesskit_node().toggled();
+    let printed =
+        |harness: &Window| harness.get_by_label("Name printed, with the day").accesskit_node().toggled();
     assert_eq!(printed(&harness), Some(egui::accesskit::Toggled::True));
-    harness.get_by_label("printed, with the day").click();
+    harness.get_by_label("Name printed, with the day").click();
     harness.run_ok();
     assert_eq!(printed(&harness), Some(egui::accesskit::Toggled::False));
     // Whoever names the patient in full names the reader.
@@ -399,6 +404,7 @@ fn the_next_case_is_judged_by_the_criteria_of_the_last_report() {
     wait_for_workers(&mut first);
     choose(&mut first, "Criteria", "RANO 2010");
     wait_for_workers(&mut first);
+    type_into(&mut first, "stated by", "Dr. Fuchs");
     write(&mut first, "a.md");
     let mut second = opened(case("b", &dates));
     assert_eq!(criterion(&second), Some(Criterion::Rano2010));
@@ -409,6 +415,14 @@ fn the_next_case_is_judged_by_the_criteria_of_the_last_report() {
     }
     let baseline = doc(&second).edit.response.history.as_ref().and_then(|history| history.baseline.clone());
     assert_eq!(baseline, Some(Fact::proposed(Label("2024-01-01".into()))));
+    // Who stated the facts last states these, and signs by a click.
+    assert_eq!(doc(&second).edit.response.author, "Dr. Fuchs");
+    issue(&mut second, AppCommand::ShowReport);
+    wait_for(&mut second, "I am Dr. Fuchs");
+    click(&mut second, "I am Dr. Fuchs");
+    assert_eq!(doc(&second).edit.reading.reader, "Dr. Fuchs");
+    second.key_press(Key::Escape);
+    second.run_ok();
     // One date is judged by none, and its report says nothing about them.
     let mut one = opened(case("c", &["2024-01-01"]));
     assert_eq!(criterion(&one), None);
@@ -419,7 +433,17 @@ fn the_next_case_is_judged_by_the_criteria_of_the_last_report() {
     wait_for_workers(&mut second);
     choose(&mut second, "Criteria", "none");
     write(&mut second, "b.md");
-    assert_eq!(criterion(&opened(case("e", &dates))), None);
+    let plain = opened(case("e", &dates));
+    assert_eq!(criterion(&plain), None);
+    // Panes that the program chose for a response aren't those that the reader arranged.
+    let mut judged = opened(case("f", &dates));
+    for (name, expected) in [("g", Some(Criterion::Rano2010)), ("h", None)] {
+        judged.state_mut().work.usual.criterion = expected;
+        perform(&mut judged, AppCommand::Open(case(name, &dates)));
+        wait_for_workers(&mut judged);
+        assert_eq!(criterion(&judged), expected);
+    }
+    assert!(layout::is_same(&doc(&judged).edit.layout, &doc(&plain).edit.layout));
 }
 
 /// A reader arranges the panes once for a stack of cases; with one date other panes matter.
@@ -544,6 +568,16 @@ fn links_and_new_lesions_are_gone_to_and_verified_from_the_form() {
     harness.key_press(Key::V);
     wait_for_workers(&mut harness);
     assert_eq!(verified(&harness), 1);
+    assert!(harness.query_by_label("All links between lesions are verified").is_some());
+}
+
+/// Where only one link is proposed, the button can mean no other.
+#[test]
+fn the_only_link_is_verified_by_its_button_without_going_to_it() {
+    let mut harness = two_scans(&tempfile::tempdir().unwrap());
+    choose(&mut harness, "Criteria", "RANO 2010");
+    click(&mut harness, "Verify it");
+    assert_eq!(doc(&harness).edit.lesions.edits.len(), 1);
     assert!(harness.query_by_label("All links between lesions are verified").is_some());
 }
 

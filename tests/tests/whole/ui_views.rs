@@ -5,14 +5,14 @@ use egui_kittest::{Harness, kittest::Queryable};
 use glioscope::{
     command::{AppCommand, EditCommand, LookCommand, Workstation},
     model::{
-        CaseRef, EllipsoidKind, EllipsoidLook, EllipsoidOpacity, Fusion, PaneId, SecondImage, layout::Task,
-        session, slice_axes::AxesOf,
+        CaseRef, EllipsoidKind, EllipsoidLook, EllipsoidOpacity, Fusion, Navigation, PaneId, SecondImage,
+        layout::Task, session, slice_axes::AxesOf,
     },
     views::ellipsoids::EllipsoidPane,
     window::GlioscopeApp,
 };
 use glioscope_core::{axes, glam::DVec3};
-use glioscope_render::{ClipPlane, ColorMap, TransferPreset};
+use glioscope_render::{ClipPlane, ColorMap, TransferPreset, flat::Plane};
 use glioscope_tests::{
     Window, doc, issue, maximized, pane_picture, perform, screens, wait_for_workers, window_on, window_with,
     workstation, write_cube,
@@ -421,6 +421,30 @@ fn slices_turn_to_the_tumours_axes_and_back() {
     harness.event(egui::Event::PointerGone);
     harness.run_ok();
     assert!(pane_picture(&mut harness, PaneId::Axial) == plain);
+}
+
+/// One slice alone along the tumour's axes: the others don't change, a session keeps it, and the switch and other axes for all take it
+/// back.
+#[test]
+fn one_slice_alone_stands_along_the_tumours_axes() {
+    let mut harness = sample();
+    let planes = [PaneId::Axial, PaneId::Coronal, PaneId::Sagittal];
+    let pictures = |harness: &mut Window| planes.map(|pane| pane_picture(harness, pane));
+    let plain = pictures(&mut harness);
+    perform(&mut harness, LookCommand::ToggleTumorAxes(Plane::Coronal));
+    let deg = axes::turn_deg(doc(&harness).nav.turn_of(Plane::Coronal));
+    assert!(deg > 2.0 && deg < 63.0, "{deg}");
+    let notes = harness.query_all_by_label_contains(&format!("slice turned {deg:.0}°")).count();
+    assert_eq!(notes, 1, "of the coronal slice");
+    let turned = pictures(&mut harness);
+    assert!(turned[0] == plain[0] && turned[2] == plain[2] && turned[1] != plain[1]);
+    let kept: Navigation = serde_json::from_value(serde_json::to_value(&doc(&harness).nav).unwrap()).unwrap();
+    assert_eq!(kept.own_axes, doc(&harness).nav.own_axes);
+    perform(&mut harness, LookCommand::ToggleTumorAxes(Plane::Coronal));
+    assert!(pictures(&mut harness) == plain);
+    perform(&mut harness, LookCommand::ToggleTumorAxes(Plane::Axial));
+    perform(&mut harness, LookCommand::SetSliceAxes(AxesOf::Patient));
+    assert!(pictures(&mut harness) == plain);
 }
 
 /// The largest PET value along each ray lies over the context view, turns with it, and leaves nothing when it is off.

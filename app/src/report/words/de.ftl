@@ -324,4 +324,5 @@ sum-of-targets = Summe der Zielläsionen
 volume-of-targets = Volumen der Zielläsionen
 lowest-sum = Niedrigste Summe: { $sum } am { $date }, seitdem { $change }.
 digits-note = Produkte sind die der ungerundeten Durchmesser.
-picture-new-lesion = Neue Läsion { $lesion } in ihrem axialen Schnitt.
+picture-new-lesion = Neue Läsion { $lesion } in ihrem axialen Schnitt, mit ihren Durchmessern.
+picture-target = Zielläsion { $lesion } im axialen Schnitt ihres jetzt längsten Durchmessers. Durchmesser in einem anderen Schnitt sind gestrichelt.

@@ -324,4 +324,5 @@ sum-of-targets = Sum of targets
 volume-of-targets = Volume of targets
 lowest-sum = Lowest sum: { $sum } at { $date }, since then { $change }.
 digits-note = Products are of the unrounded diameters.
-picture-new-lesion = New lesion { $lesion } in its axial slice.
+picture-new-lesion = New lesion { $lesion } in its axial slice, with its diameters.
+picture-target = Target { $lesion } in the axial slice of its longest diameter now. Diameters that lie in another slice are dashed.

@@ -103,9 +103,23 @@ pub(in crate::views) fn is_pressed(ui: &Ui, key: Key) -> bool {
 
 /// Verifies the selected link; `None` where none is selected, or a reader has done so.
 pub(in crate::views) fn verify(report: &LesionsReport, selected: &Selected) -> Option<Edit> {
-    let Selected::Link(from, to) = selected else { return None };
-    let link = link_between(report, [from, to])?;
-    (link.state == LinkState::Proposed).then(|| Edit::Verify { from: from.clone(), to: to.clone() })
+    matches!(selected, Selected::Link(..)).then(|| verify_meant(report, selected))?
+}
+
+/// As [`verify`], without a selected link that of the selected component, or of all, where only one is proposed: what a button can mean, and
+/// a key that was pressed by mistake shouldn't.
+pub(in crate::views) fn verify_meant(report: &LesionsReport, selected: &Selected) -> Option<Edit> {
+    let only = |has: &dyn Fn([&Anchor; 2]) -> bool| {
+        let mut meant = report.proposed().filter_map(ends).filter(|link| has(*link));
+        meant.next().filter(|_| meant.next().is_none())
+    };
+    let [from, to] = match selected {
+        Selected::Link(from, to) => only(&|link| selected.is_link(link) || link == [to, from])?,
+        Selected::One(at) => only(&|link| link.contains(&at))?,
+        Selected::Nothing => only(&|_| true)?,
+        Selected::Two(one, two) => only(&|link| link == [one, two] || link == [two, one])?,
+    };
+    Some(Edit::Verify { from: from.clone(), to: to.clone() })
 }
 
 /// The first proposed link after the selected one, in the order of the list.

@@ -18,7 +18,7 @@ use crate::{
     world::jobs::{Lookup, progress_text},
 };
 
-pub(super) use actions::{NEXT, VERIFY, is_pressed, next, verify};
+pub(super) use actions::{NEXT, VERIFY, is_pressed, next, verify, verify_meant};
 pub(super) use selected::Selected;
 pub(super) use timeline::go_to;
 

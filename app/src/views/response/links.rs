@@ -32,11 +32,13 @@ pub(super) fn show(ui: &mut Ui, input: &Input<'_>, report: &LesionsReport, out: 
             lesions::next(input, report, &mut selected, out);
             lesions::select(ui, input, &selected);
         }
-        let edit = lesions::verify(report, &selected);
-        let button = ui.add_enabled(edit.is_some(), egui::Button::new("Verify it").small());
-        let button = button.on_hover_text("Both are one lesion (V)");
+        let meant = lesions::verify_meant(report, &selected);
+        let button = ui.add_enabled(meant.is_some(), egui::Button::new("Verify it").small());
+        let button = button.on_hover_text("Both are one lesion (V, once the link was gone to)");
         let button = button.on_disabled_hover_text("Go to the link first (N)");
-        if let Some(edit) = edit.filter(|_| button.clicked() || lesions::is_pressed(ui, lesions::VERIFY)) {
+        let is_pressed = lesions::is_pressed(ui, lesions::VERIFY);
+        let by_key = || lesions::verify(report, &selected).filter(|_| is_pressed);
+        if let Some(edit) = meant.filter(|_| button.clicked()).or_else(by_key) {
             out.push(EditCommand::EditLesions(vec![edit]));
         }
     });

@@ -60,7 +60,7 @@ impl Layout {
         let size_px = [size.x.round() as u32, size.y.round() as u32];
         let bounds_mm = input.fit_grid.unwrap_or_else(|| shown_grid(input)).bounds_mm();
         let nav = &input.doc.nav;
-        let orientation = (nav.convention, nav.slice_axes.turn);
+        let orientation = (nav.convention, nav.turn_of(plane));
         let mut slice = SliceView::fit_turned(plane, orientation, bounds_mm, nav.crosshair_mm(), size_px);
         if let Some(mm_per_point) = nav.mm_per_point {
             slice.mm_per_pixel = mm_per_point / f64::from(pixels_per_point);

@@ -10,7 +10,9 @@ use crate::device::{Gpu, RenderError};
 /// Bits of `what`, as in change/compose; the low bits are the arrow's number, from 1.
 const GROWS: u32 = 0x100_0000;
 const FAINT: u32 = 0x200_0000;
-const MOST: usize = 0xff_ffff;
+/// Bit of those that moved with the tissue around them.
+const TISSUE_MOVED: u32 = 0x80_0000;
+const MOST: usize = 0x7f_ffff;
 
 /// `Arrow` of change/arrows.
 #[repr(C)]
@@ -35,7 +37,7 @@ impl ArrowBuffers {
     /// The instances of `surface` at `threshold_mm`: the cached ones if they match, else new ones.
     ///
     /// # Errors
-    /// [`RenderError::Buffer`] past the device's limits; [`RenderError::Scene`] past 16,777,215 arrows;
+    /// [`RenderError::Buffer`] past the device's limits; [`RenderError::Scene`] past 8,388,607 arrows;
     /// nothing is cached then.
     pub fn reuse<'a>(
         cached: &'a mut Option<Self>,
@@ -66,10 +68,11 @@ impl ArrowBuffers {
                 let v = list.get(i as usize)?;
                 let grows = if v.signed_mm > 0.0 { GROWS } else { 0 };
                 let faint = if v.flags.within_uncertainty { FAINT } else { 0 };
+                let moved = if surface.is_displaced(i as usize) { TISSUE_MOVED } else { 0 };
                 Some(GpuArrow {
                     // Differences in f64, so that an offset of 1e6 mm costs no precision.
                     start: (v.from_mm - middle_mm).as_vec3().to_array(),
-                    what: number | grows | faint,
+                    what: number | grows | faint | moved,
                     along: (v.to_mm - v.from_mm).as_vec3().to_array(),
                     unused: 0,
                 })

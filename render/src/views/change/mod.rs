@@ -98,6 +98,9 @@ impl ChangeLook {
     /// Colour of the earlier date's outline, for light and dark backgrounds.
     pub const OUTLINE: Rgb = [58, 134, 255];
 
+    /// Colour of a surface that moved with the tissue around it, in place of that of growth or recession.
+    pub const DISPLACED: Rgb = [150, 90, 220];
+
     /// Opacity of the colour of a length within its uncertainty.
     pub const FAINT: f32 = surface::FAINT;
 

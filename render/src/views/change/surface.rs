@@ -21,6 +21,9 @@ pub(crate) const ALONE: u32 = 4;
 /// Confidence of a length within its uncertainty: the opacity of its colour.
 pub(crate) const FAINT: f32 = 0.35;
 
+/// Added to the confidence of a length of which the tissue around moved too, as in lib/change.
+pub(crate) const DISPLACED: f32 = 4.0;
+
 /// The union of the masks of two time points, divided into the regions active before, after and in both,
 /// with the change of its surface. Made once per pair of time points.
 #[derive(Debug)]
@@ -29,6 +32,8 @@ pub struct ChangeSurface {
     /// First voxel of the volume on the case grid.
     start: [usize; 3],
     change: Arc<Change>,
+    /// Of each vector, whether the tissue around moved too; empty: of none.
+    displaced: Vec<bool>,
 }
 
 /// `Length` of change/heights.
@@ -106,7 +111,24 @@ impl ChangeSurface {
         let masks = [named("before", before)?, named("after", after)?, named("alone", alone)?];
         let index = TumorIndex::new(local_grid, &masks.iter().collect::<Vec<_>>()).ok()?;
         let volume = Arc::new(RegionVolume::of(&index, &Regions::of(&index))?);
-        Some(Self { volume, start, change })
+        Some(Self { volume, start, change, displaced: Vec::new() })
+    }
+
+    /// The same surface with marks on vectors along which the tissue around moved too: `displaced` has one for each, in their order; any
+    /// beyond it aren't marked. Shares the volume.
+    #[must_use]
+    pub fn with_displaced(&self, displaced: Vec<bool>) -> Self {
+        Self { volume: self.volume.clone(), start: self.start, change: self.change.clone(), displaced }
+    }
+
+    /// Whether a vector has that mark.
+    pub fn is_displaced(&self, vector: usize) -> bool {
+        self.displaced.get(vector).copied().unwrap_or_default()
+    }
+
+    /// Whether any has.
+    pub fn has_displaced(&self) -> bool {
+        self.displaced.contains(&true)
     }
 
     /// The union and its regions: index bit 0 for the earlier mask, bit 1 for the later, bit 2 for
@@ -162,7 +184,7 @@ impl ChangeSurface {
         let slots = (2 * self.change.vectors.len()).next_power_of_two().max(2);
         let log2_slots = slots.trailing_zeros();
         let mut table = vec![Length::default(); slots];
-        for vector in &self.change.vectors {
+        for (n, vector) in self.change.vectors.iter().enumerate() {
             let Some(v) = local(vector.voxel, self.start, grid.dims()) else { continue };
             let key = grid.linear(v) as u32 + 1;
             let mut slot = first_slot(key, log2_slots);
@@ -170,7 +192,8 @@ impl ChangeSurface {
                 slot = (slot + 1) % slots;
             }
             let sure = if vector.flags.within_uncertainty { FAINT } else { 1.0 };
-            table[slot] = Length { key, signed_mm: vector.signed_mm as f32, sure };
+            let mark = if self.is_displaced(n) { DISPLACED } else { 0.0 };
+            table[slot] = Length { key, signed_mm: vector.signed_mm as f32, sure: sure + mark };
         }
         Some((table, log2_slots))
     }

@@ -218,7 +218,10 @@ fn lookup_and_filter_agree_with_their_twin() {
     let size = [112, 96];
     let mut bench = bench();
     for (name, grid) in cases {
-        let mut s = scene(ragged(&grid));
+        let plain = ragged(&grid);
+        // Every third vector is marked: marks of neighbours differ, those of the filter's pixels stay.
+        let marks = (0..plain.change().vectors.len()).map(|n| n % 3 == 0).collect();
+        let mut s = scene(Arc::new(plain.with_displaced(marks)));
         s.look.smooth_mm = 1.5;
         for (azimuth, projection) in [
             (35.0, Projection::Perspective),
@@ -228,7 +231,7 @@ fn lookup_and_filter_agree_with_their_twin() {
             s.camera.projection = projection;
             s.camera.world_from_camera = Camera::orientation(azimuth, azimuth / 3.0);
             let found = draw(&mut bench, &s, size);
-            let (mut checked, mut delicate, mut moved) = (0, 0, 0);
+            let (mut checked, mut delicate, mut moved, mut marked) = (0, 0, 0, 0);
             for (twin, found) in twin::heights(&s, size).iter().zip(&found.heights) {
                 match twin {
                     None => delicate += 1,
@@ -237,10 +240,12 @@ fn lookup_and_filter_agree_with_their_twin() {
                         assert_eq!(*found, [*mm as f32, *sure as f32], "{name}");
                         checked += 1;
                         moved += usize::from(*mm != 0.0);
+                        marked += usize::from(*sure > 2.0);
                     }
                 }
             }
             assert!(checked > 500 && moved > 200, "{name}: {checked} {moved}");
+            assert!(marked > 50 && moved > marked + 50, "{name}: {marked} of {moved} marked");
             assert!(delicate * 20 <= found.heights.len(), "{name}: {delicate}");
             let mut worst = 0.0_f64;
             let twin = twin::filtered(&s, size, &found.depths, &found.heights);
@@ -253,6 +258,46 @@ fn lookup_and_filter_agree_with_their_twin() {
             );
             assert!(worst < 1e-4, "{name}: {worst}");
         }
+    }
+}
+
+/// A ball that grew by 3 mm: where the tissue moved too, its colour is that of displacement, on the surface and on arrows; without marks,
+/// or with none that is true, not a pixel differs.
+#[test]
+fn what_the_tissue_explains_has_a_colour_of_its_own() {
+    let grid = cubic(34);
+    let plain = surface(&grid, ball(grid.center_mm(), 9.0), ball(grid.center_mm(), 12.0));
+    let count = plain.change().vectors.len();
+    let east = |n: usize| plain.change().vectors[n].from_mm.x > grid.center_mm().x;
+    let marked = |marks: Vec<bool>| Arc::new(plain.with_displaced(marks));
+    let mut bench = bench();
+    for style in [ChangeStyle::Height, ChangeStyle::Arrows] {
+        let mut s = scene(Arc::clone(&plain));
+        s.look.style = style;
+        s.camera.world_from_camera = Camera::orientation(0.0, 0.0);
+        let mut picture = |surface: Arc<ChangeSurface>| {
+            s.surface = Some(surface);
+            draw(&mut bench, &s, [160, 160]).rgba
+        };
+        // Growth has most red and least blue, displacement most blue.
+        let tones = |rgba: &[u8]| {
+            let mut seen = [0_usize; 2];
+            for pixel in rgba.as_chunks::<4>().0 {
+                let [r, _, b, _] = pixel.map(i32::from);
+                seen[0] += usize::from(r > b + 40);
+                seen[1] += usize::from(b > r + 20);
+            }
+            seen
+        };
+        let none = picture(Arc::clone(&plain));
+        assert_eq!(picture(marked(vec![false; count])), none, "{style:?}");
+        let half = tones(&picture(marked((0..count).map(east).collect())));
+        let all = tones(&picture(marked(vec![true; count])));
+        let none = tones(&none);
+        println!("{style:?}: growth and displacement, without marks {none:?}, half {half:?}, all {all:?}");
+        assert!(none[0] > 500 && none[1] == 0, "{style:?}: {none:?}");
+        assert!(all[1] > 500 && all[0] == 0, "{style:?}: {all:?}");
+        assert!(3 * half[0] > none[0] && 3 * half[1] > all[1], "{style:?}: {half:?}");
     }
 }
 

@@ -19,11 +19,12 @@ use crate::{
 pub(super) fn heights(scene: &ChangeScene, size: [u32; 2]) -> Vec<Option<Option<(f64, f64)>>> {
     let surface = scene.surface.as_ref().unwrap();
     let grid = surface.volume().grid();
-    let known: BTreeMap<[usize; 3], (f64, bool)> = surface
+    let known: BTreeMap<[usize; 3], (f64, bool, bool)> = surface
         .change()
         .vectors
         .iter()
-        .map(|v| (v.voxel, (v.signed_mm, v.flags.within_uncertainty)))
+        .enumerate()
+        .map(|(n, v)| (v.voxel, (v.signed_mm, v.flags.within_uncertainty, surface.is_displaced(n))))
         .collect();
     let pixels = twin::cast(&scene.context_scene().tumor_scene(), size);
     let camera = &scene.camera;
@@ -49,8 +50,9 @@ pub(super) fn heights(scene: &ChangeScene, size: [u32; 2]) -> Vec<Option<Option<
                 return Some(None);
             }
             let known = known.get(&surface.voxel(grid.linear(local)));
-            Some(Some(known.map_or((0.0, 1.0), |&(mm, faint)| {
-                (mm, if faint { f64::from(surface::FAINT) } else { 1.0 })
+            Some(Some(known.map_or((0.0, 1.0), |&(mm, faint, displaced)| {
+                let mark = if displaced { f64::from(surface::DISPLACED) } else { 0.0 };
+                (mm, mark + if faint { f64::from(surface::FAINT) } else { 1.0 })
             })))
         })
         .collect()
@@ -74,6 +76,7 @@ pub(super) fn filtered(
         }
     };
     let depth = |i: usize| f64::from(depths[i]);
+    let mark = |sure: f64| if sure > 2.0 { f64::from(surface::DISPLACED) } else { 0.0 };
     let line = |from: Vec<[f64; 2]>, places: Vec<usize>| -> Vec<(usize, [f64; 2])> {
         places
             .iter()
@@ -89,11 +92,12 @@ pub(super) fn filtered(
                     let flat = between.windows(2).all(|w| (depth(w[0]) - depth(w[1])).abs() <= gap);
                     if off <= reach && whole && flat {
                         let w = (-0.5 * (off / sigma).powi(2)).exp();
-                        sum = [sum[0] + w * from[j][0], sum[1] + w * from[j][1]];
+                        sum = [sum[0] + w * from[j][0], sum[1] + w * (from[j][1] - mark(from[j][1]))];
                         weight += w;
                     }
                 }
-                (i, if from[i][1] < 0.0 { from[i] } else { sum.map(|s| s / weight) })
+                let filtered = [sum[0] / weight, sum[1] / weight + mark(from[i][1])];
+                (i, if from[i][1] < 0.0 { from[i] } else { filtered })
             })
             .collect()
     };

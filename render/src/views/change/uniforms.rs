@@ -46,6 +46,7 @@ pub(crate) struct Change {
     pub flags: u32,
     pub kinds: [[u32; 4]; 2],
     pub outline: [f32; 4],
+    pub displaced: [f32; 4],
 }
 
 /// Step in depth between neighbouring pixels that the filter doesn't cross: that at which silhouettes are
@@ -132,6 +133,7 @@ pub(crate) fn change(
         flags,
         kinds,
         outline: rgba(ChangeLook::OUTLINE),
+        displaced: rgba(ChangeLook::DISPLACED),
     }
 }
 
@@ -140,7 +142,7 @@ pub(crate) fn change(
 pub(crate) const LAYOUTS: &[crate::layouts::Layout] = &[
     crate::layouts::layout!(
         Change, "Change": right, full_mm, up, smooth_mm, away, gap_mm, origin, radius_mm, base, head_radius_mm, grow,
-        head_length_mm, shrink, log2_slots, clip_offset, clip_scale, samples, flags, kinds, outline
+        head_length_mm, shrink, log2_slots, clip_offset, clip_scale, samples, flags, kinds, outline, displaced
     ),
     crate::layouts::layout!(super::surface::Length, "Length": key, signed_mm, sure),
     crate::layouts::layout!(super::arrows::GpuArrow, "Arrow": start, what, along, unused),

@@ -384,7 +384,7 @@ impl Document {
     }
 
     /// The initial document of a case with `time_point_count` time points: everything visible, the lens on the
-    /// tumour, seen from the front, slightly from the left and above.
+    /// tumour where there are several masks, seen from the front, slightly from the left and above.
     pub fn new(case: CaseRef, time_point: &TimePoint, time_point_count: usize) -> Self {
         let lens = default_lens(time_point);
         let camera = Camera::fit(
@@ -403,7 +403,8 @@ impl Document {
             derivatives: Vec::new(),
             edit: Edit {
                 selection: HiddenRegions::none(),
-                lens_on: time_point.regions.union_voxels() > 0,
+                // Within one mask there is nothing to compare: the lens would only cut its form away.
+                lens_on: time_point.masks.len() > 1 && time_point.regions.union_voxels() > 0,
                 lens,
                 windows: BTreeMap::new(),
                 overlay: Overlay::Both,
@@ -454,15 +455,34 @@ impl Document {
         }
     }
 
+    /// Shows the last date, if dates have an order and it has a mask: the camera and the lens are on the tumour there, from the side that was chosen.
+    pub fn go_to_current(&mut self, case: &Case) {
+        let Some((time, current)) = current_date(case) else { return };
+        let Self { edit: Edit { lens, lens_on, .. }, nav, .. } =
+            Self::new(self.case.clone(), current, case.time_points.len());
+        (self.edit.lens, self.edit.lens_on) = (lens, lens_on);
+        let own = &self.nav;
+        let camera = Camera {
+            world_from_camera: own.camera.world_from_camera,
+            projection: own.camera.projection,
+            ..nav.camera
+        };
+        self.nav = Navigation {
+            time,
+            camera,
+            cursor_mm: nav.cursor_mm,
+            preview: None,
+            context: nav.context,
+            mm_per_point: None,
+            pan_mm: nav.pan_mm,
+            ..own.clone()
+        };
+    }
+
     /// Makes an initial document one to be read: at the last date, if dates have an order; with PET over the first image, where
     /// the panes are for that; with `usual` criteria, where several dates are judged. `arranges`: with the panes for these. Returns whether it is judged.
     pub fn open_for_reading(&mut self, case: &Case, usual: &Usual, arranges: bool) -> bool {
-        if let Some((time, current)) = current_date(case) {
-            let Self { edit: Edit { lens, lens_on, .. }, nav, .. } =
-                Self::new(self.case.clone(), current, case.time_points.len());
-            (self.edit.lens, self.edit.lens_on) = (lens, lens_on);
-            self.nav = Navigation { time, ..nav };
-        }
+        self.go_to_current(case);
         let is_judged = self.judge_by(case, usual);
         if !arranges {
             return is_judged;

@@ -5,7 +5,7 @@ use glioscope_core::{
     case::TimePoint,
     glam::{DMat3, DVec2, DVec3},
 };
-use glioscope_render::flat::{Convention, Plane, SliceView};
+use glioscope_render::flat::{Convention, Histogram, Plane, SliceView, Window};
 use image::{
     ExtendedColorType, ImageEncoder,
     codecs::png::{CompressionType, FilterType, PngEncoder},
@@ -20,14 +20,6 @@ use super::{
 const PIXEL_MM: f64 = 0.8;
 /// Distance of the slices among which the largest is searched.
 const SEARCH_MM: f64 = 1.0;
-/// Percentile of the image that is black: a few values below air (edges of filtered images) would make air grey.
-const BLACK: usize = 2;
-/// Percentile of what isn't black that is white.
-const WHITE: usize = 99;
-/// An image with values below is a CT.
-const AIR_HU: f64 = -500.0;
-/// The usual window of soft tissue: 400 about 40.
-const SOFT_TISSUE_HU: [f64; 2] = [-160.0, 240.0];
 /// Room around the masks in the outline of true size.
 const TRUE_SIZE_MARGIN_MM: f64 = 1.0;
 
@@ -152,18 +144,12 @@ pub fn percentile(values: &mut [f32], percent: usize) -> Option<f64> {
     Some(f64::from(*values.select_nth_unstable_by(at, f32::total_cmp).1))
 }
 
-/// What black and white mean: air and a percentile of the values above it, or soft tissue where values are Hounsfield units.
-/// `None` for an even image.
+/// What black and white mean: as the window of slices opens. `None` for an even image.
 fn window(image: &Volume) -> Option<[f64; 2]> {
-    let mut values: Vec<f32> = image.to_f32().into_iter().filter(|v| v.is_finite()).collect();
-    let least = values.iter().copied().fold(f32::INFINITY, f32::min);
-    if f64::from(least) < AIR_HU {
-        return Some(SOFT_TISSUE_HU);
-    }
-    let black = percentile(&mut values, BLACK)?;
-    values.retain(|v| f64::from(*v) > black);
-    let white = percentile(&mut values, WHITE)?;
-    Some([black, white])
+    let histogram = Histogram::of(image);
+    histogram.range().filter(|(least, most)| most > least)?;
+    let Window { low, high } = histogram.initial_window();
+    Some([low, high])
 }
 
 /// Paths of all masks and levels in a sheet, by their place in the page.

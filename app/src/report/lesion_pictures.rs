@@ -53,6 +53,8 @@ pub fn blocks(
         shown.nav.time = case.time_points.len() - 1;
         // The whole slice, at the lesion.
         shown.nav.mm_per_point = None;
+        // Its ring would stand about another lesion.
+        shown.edit.lens_on = false;
         shown.nav.pin_mm(newest.middle_mm());
         // A reader may have measured it by these already.
         let is_known = |ruler: &Ruler| {

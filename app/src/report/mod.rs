@@ -248,8 +248,11 @@ fn panes(case: &Case) -> Vec<(PaneId, &'static str)> {
 /// What the pictures show: of a report of a response without kept views the last date, which its calls are about.
 fn pictured(case: &Case, doc: &Document, answered: Option<&Answered>) -> Document {
     let mut shown = doc.clone();
-    if answered.is_some() && doc.edit.pictures.is_empty() {
-        shown.nav.time = case.time_points.len().saturating_sub(1);
+    let last = case.time_points.len().saturating_sub(1);
+    if answered.is_some() && doc.edit.pictures.is_empty() && doc.nav.time != last {
+        shown.go_to_current(case);
+        shown.nav.time = last;
+        shown.edit.lens_on &= doc.edit.lens_on;
     }
     shown
 }
@@ -278,13 +281,15 @@ fn pictures(
                 _ => (Vec::new(), false),
             };
             // Slices of the targets say more than that of the tumour's middle.
-            if !has_targets {
+            if has_targets {
+                blocks.splice(0..0, of_lesions);
+            } else {
                 let rgba = painter.picture(pane, size)?;
-                let caption = caption_of(case, doc, pane, &words.get(key), words);
+                let caption = caption_of(case, doc, pane, &words.get(own_key(doc, pane, key)), words);
                 let name = pane.row().cli.unwrap_or(key).to_owned();
                 blocks.push(Block::Picture(Picture { name, caption, size, rgba }));
+                blocks.extend(of_lesions);
             }
-            blocks.extend(of_lesions);
         }
         return Ok(blocks);
     }
@@ -298,7 +303,7 @@ fn pictures(
         let rgba = painter.picture(pane, size)?;
         let key = known.iter().find(|(known, _)| *known == pane).map(|(_, key)| *key);
         let own = match (kept.caption.trim(), key) {
-            ("", Some(key)) => words.get(key),
+            ("", Some(key)) => words.get(own_key(&shown, pane, key)),
             ("", None) => pane.tab().to_owned(),
             (caption, _) => caption.to_owned(),
         };
@@ -308,6 +313,11 @@ fn pictures(
     }
     painter.show(doc);
     Ok(blocks)
+}
+
+/// The key of a pane's caption: without the lens nothing is cut open.
+fn own_key(doc: &Document, pane: PaneId, key: &'static str) -> &'static str {
+    if pane == PaneId::Closeup && doc.active_lens().is_none() { "picture-closeup-whole" } else { key }
 }
 
 /// A caption with its date, and with which side is which.

@@ -112,6 +112,7 @@ alignment-not-accepted = von keinem Befunder angenommen
 
 section-pictures = Bilder
 picture-closeup = Nahansicht der Masken. Im Ring der Linse sind die Masken aufgeschnitten; schraffiert ist der Schnitt.
+picture-closeup-whole = Die Oberfläche aus der Nähe.
 picture-context = Die Masken in der Anatomie. L, R, A, P, S und I sind die Seiten des Patienten.
 picture-overlap = Überlappungsdiagramm: jeder Teil ist eine Region, in der genau die genannten Masken aktiv sind, mit ihrem Volumen.
 picture-change = Wie sich die Oberfläche der Maske zwischen den Zeitpunkten bewegte, in Millimetern.

@@ -112,6 +112,7 @@ alignment-not-accepted = no reader has accepted it
 
 section-pictures = Pictures
 picture-closeup = Closeup of the masks. Inside the ring of the lens the masks are cut open; the hatched part is the cut.
+picture-closeup-whole = The surface, close up.
 picture-context = The masks in their anatomy. L, R, A, P, S and I are the patient's sides.
 picture-overlap = Overlap diagram: each part is a region in which exactly the named masks are active, with its volume.
 picture-change = How the surface of the mask moved between the two dates, in millimetres.

@@ -1,7 +1,7 @@
 //! Numbers formatted for display. `--json` has full precision.
 
 use glioscope_core::change::{
-    DisplacementReport, Explains, GroupReport, NotSaid, SurroundingsReport, TissueCounts,
+    DisplacementReport, Explains, GroupReport, NotSaid, SurroundingsReport, TissueCounts, TissueReport,
 };
 
 /// A volume with one to four decimals, more for smaller values: `12.34 ml`, `0.012 ml`. `unknown` where it isn't
@@ -75,14 +75,21 @@ pub fn displaced(group: &GroupReport) -> Vec<String> {
             }
         }
     });
-    let share = |counts: &TissueCounts, was: &str, way: &str| {
+    let share = |counts: &TissueCounts| {
         let share = counts.displaced_share();
-        (share >= LEAST_MARKED).then(|| {
-            format!(
-                "displaced, not {was}? The tissue moved with {:.0} % of the surface that {way}",
-                share * 100.0
-            )
-        })
+        (share >= LEAST_MARKED).then(|| format!("{:.0} %", share * 100.0))
+    };
+    let moved = |tissue: &TissueReport| {
+        let (was, with) = match [share(&tissue.growth), share(&tissue.recession)] {
+            [Some(grew), None] => ("grown", format!("{grew} of the surface that grew")),
+            [None, Some(shrank)] => ("shrunk", format!("{shrank} of the surface that shrank")),
+            [Some(grew), Some(shrank)] => (
+                "grown or shrunk",
+                format!("{grew} of the surface that grew and {shrank} of that which shrank"),
+            ),
+            [None, None] => return None,
+        };
+        Some(format!("displaced, not {was}? The tissue moved with {with}"))
     };
     let by_tissue = tissue.into_iter().flat_map(|tissue| {
         let [all, unknown] = [tissue.growth, tissue.recession]
@@ -95,7 +102,7 @@ pub fn displaced(group: &GroupReport) -> Vec<String> {
                 unseen * 100.0
             )
         });
-        [share(&tissue.growth, "grown", "grew"), share(&tissue.recession, "shrunk", "shrank"), unseen]
+        [moved(tissue), unseen]
     });
     by_masks.into_iter().chain(by_tissue.flatten()).collect()
 }
@@ -202,8 +209,9 @@ mod tests {
             displaced(&group(Explains::All, moved)),
             [
                 format!("{by_masks}, as the tissue around it was"),
-                "displaced, not grown? The tissue moved with 84 % of the surface that grew".into(),
-                "displaced, not shrunk? The tissue moved with 90 % of the surface that shrank".into(),
+                "displaced, not grown or shrunk? The tissue moved with 84 % of the surface that grew and 90 % of that \
+                 which shrank"
+                    .into(),
             ]
         );
         let stayed = displaced(&group(Explains::All, Some([counts(100, 3, 0), counts(100, 0, 0)])));

@@ -29,11 +29,17 @@ impl Window {
         self.high - self.low
     }
 
-    /// The window that shows another image of the same kind alike: 1st and 99th percentile keep their greys. Images in
-    /// Hounsfield units keep the values, as do images without percentiles.
+    /// The window that shows another image of the same kind alike: the background, or the 1st percentile where one of them has none, and the
+    /// 99th percentile keep their greys. Images in Hounsfield units keep the values, as do images without percentiles.
     #[must_use]
     pub fn matched(self, from: &Histogram, to: &Histogram) -> Self {
-        let (Some(from_range), Some(to_range)) = (from.p01_p99(), to.p01_p99()) else { return self };
+        let (Some(mut from_range), Some(mut to_range)) = (from.p01_p99(), to.p01_p99()) else { return self };
+        if let (Some(from), Some(to)) = (from.background(), to.background())
+            && from < from_range.0
+            && to < to_range.0
+        {
+            (from_range.0, to_range.0) = (from, to);
+        }
         let width = from_range.1 - from_range.0;
         if from.looks_like_ct() || to.looks_like_ct() || width.is_nan() || width <= 0.0 {
             return self;
@@ -91,7 +97,7 @@ const PET_HIGH_SUV: f64 = 10.0;
 /// background: padding of a CT, or the zeros that skull stripping leaves.
 const BACKGROUND_SHARE: f64 = 0.05;
 
-/// Half the width of the values that count as one, where no single value is background, as a share of the range from the 0.1st to the 99.9th percentile.
+/// Half the width of the values that count as one background, as a share of the range from the 0.1st to the 99.9th percentile.
 const NEAR_SHARE: f64 = 1e-3;
 /// Percentiles that are kept, as shares. The window ends at the last: the 99th percentile of a head is less than many a lesion's values, and
 /// on FLAIR of a real glioma 22 to 71 % of its parts would be white.
@@ -164,12 +170,12 @@ impl Tally {
         self.by_key[(ordered(value as f32) >> 16) as usize] += 1;
     }
 
-    /// The smallest value or 0, and the entries of `by_key` within [`NEAR_SHARE`] of the range about it, where these have enough voxels to be
-    /// background, and leave enough: what interpolation by splines makes of the zeros that skull stripping leaves.
-    fn nearly_constant(&self, least: f64, finite: u64) -> Option<(f64, std::ops::Range<usize>)> {
+    /// The smallest value or 0, and the entries of `by_key` within [`NEAR_SHARE`] of the range about it, where these have enough of the `rest` of voxels
+    /// to be background, and leave enough: what interpolation by splines makes of the zeros that skull stripping leaves.
+    fn nearly_constant(&self, least: f64, rest: u64) -> Option<(f64, std::ops::Range<usize>)> {
         // Without outliers, of which one would make all others near each other.
         let [low, high] = [0.001, 0.999].map(|share| {
-            let rank = ((finite - 1) as f64 * share).round() as u64;
+            let rank = (rest.saturating_sub(1) as f64 * share).round() as u64;
             let entry = entry_of_rank(self.by_key.iter().copied(), rank).unwrap_or_default();
             f64::from(from_ordered(entry.0 << 16))
         });
@@ -179,8 +185,8 @@ impl Tally {
             let last = (ordered((value + reach) as f32) >> 16) as usize;
             let keys = first..last.max(first);
             let voxels: u64 = self.by_key.get(keys.clone())?.iter().sum();
-            let is_enough = |voxels: u64| voxels as f64 > BACKGROUND_SHARE * finite as f64;
-            (is_enough(voxels) && is_enough(finite - voxels)).then_some((value, keys))
+            let is_enough = |voxels: u64| voxels as f64 > BACKGROUND_SHARE * rest as f64;
+            (is_enough(voxels) && is_enough(rest - voxels)).then_some((value, keys))
         })
     }
 
@@ -274,11 +280,12 @@ impl Histogram {
         let is_background = voxels as f64 > BACKGROUND_SHARE * finite as f64 && voxels < finite;
         let key = ordered(background as f32);
         let mut rest = finite;
-        let mut near = None;
         if is_background {
             t.by_key[(key >> 16) as usize] -= voxels;
             rest -= voxels;
-        } else if let Some((value, keys)) = t.nearly_constant(range.0, finite) {
+        }
+        let mut near = None;
+        if let Some((value, keys)) = t.nearly_constant(range.0, rest) {
             let entries = &mut t.by_key[keys];
             rest -= entries.iter().sum::<u64>();
             entries.fill(0);
@@ -322,7 +329,7 @@ impl Histogram {
     }
 
     /// The value that counts as background and is left out of the percentiles: the smallest or 0,
-    /// where more than 5 % of the finite voxels have exactly this value, or else nearly.
+    /// where more than 5 % of the finite voxels have exactly this value, or nearly.
     pub fn background(&self) -> Option<f64> {
         self.background
     }
@@ -429,6 +436,8 @@ mod tests {
         let plain = whole(&|_| 0.0);
         let spread = whole(&|i| match i {
             0..20 => -20.0,
+            // Some places are exactly 0 still.
+            20..20_020 => 0.0,
             _ => (f64::from(i % 101) - 50.0) as f32 * 10.0_f32.powi(-(i as i32 % 9) - 3),
         });
         assert_eq!((plain.background(), spread.background()), (Some(0.0), Some(0.0)));
@@ -436,6 +445,17 @@ mod tests {
         // The overshoot is 20 voxels of 60,020.
         assert!((a.low - b.low).abs() <= 1.0 && (a.high - b.high).abs() <= 1.0, "{a:?} {b:?}");
         assert!(a.low == 0.0 && (1040.0..1050.0).contains(&b.high), "{b:?}");
+        // Black stays black from one date to the next, and the 99th percentile as bright as it was.
+        let brighter = histogram(
+            Samples::F32((0..140_000).map(|_| 0.0).chain(head.iter().map(|v| 2.0 * v + 300.0)).collect()),
+            Scaling::NONE,
+        );
+        let window = a.matched(&plain, &brighter);
+        let (_, p99) = brighter.p01_p99().unwrap();
+        assert!(
+            window.low == 0.0 && window.grey(p99).abs_diff(a.grey(plain.p01_p99().unwrap().1)) <= 1,
+            "{window:?}"
+        );
         // One voxel far beyond makes no background of all others.
         let outlier = (0..5000).map(|i| i as f32).chain([1e9]).collect();
         assert_eq!(histogram(Samples::F32(outlier), Scaling::NONE).background(), None);

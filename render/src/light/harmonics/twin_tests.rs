@@ -7,8 +7,7 @@ use glioscope_core::{
     Grid,
     optics::{
         Projection, Ray, Sight,
-        medium::Medium,
-        monte_carlo::{Phase, direction},
+        monte_carlo::{Phase, visibility},
         random::Random,
         srgb,
         voxels::OpaqueVoxels,
@@ -256,31 +255,26 @@ fn masks_error() -> f64 {
 fn higher_orders_come_nearer_to_monte_carlo() {
     let scene = scene(false, false, Projection::Perspective);
     let medium = scene.medium().unwrap();
-    let towards = lamp(-45.0, 44.0).direction(&scene.camera);
+    let towards = lamp(-45.0, 45.0).direction(&scene.camera);
+    // Those outside the image have the light of its faces instead, and are in the open.
     let grid = scene.volume.as_ref().unwrap().grid();
-    let all = Cells::new(grid, 4.0);
-    let cells: Vec<(usize, DVec3)> = needed(&scene, 4.0).into_iter().step_by(2).collect();
+    let (all, dims) = (Cells::new(grid, 5.0), grid.dims());
+    let is_inside = |n: usize| (0..3).all(|a| (-0.5..dims[a] as f64 - 0.5).contains(&all.middle(n)[a]));
+    let cells: Vec<(usize, DVec3)> = needed(&scene, 5.0).into_iter().filter(|(n, _)| is_inside(*n)).collect();
     let mut renderer = ContextRenderer::new(&GPU).unwrap();
     for aperture_deg in [60.0, 25.0] {
         let truth: Vec<(f64, f64)> = cells
             .par_iter()
-            .map(|(n, _)| {
+            .map(|(n, at_mm)| {
                 let mut random = Random::new(11, *n as u64);
-                let light: Vec<f64> = (0..1000)
-                    .map(|_| {
-                        let w = direction(Phase::Cone { aperture_deg }, towards, &mut random);
-                        let origin_mm = grid.world_from_voxel().transform_point3(all.middle_for(grid, *n, w));
-                        (-medium.thickness(&Ray { origin_mm, direction: w }, f64::INFINITY)).exp()
-                    })
-                    .collect();
-                let mean = light.iter().sum::<f64>() / 1000.0;
-                let variance = light.iter().map(|l| (l - mean).powi(2)).sum::<f64>() / 999.0;
-                (mean, (variance / 1000.0).sqrt())
+                let phase = Phase::Cone { aperture_deg };
+                let light = visibility(&medium, *at_mm, towards, phase, 300, &mut random);
+                (light.mean.x, light.standard_error.x)
             })
             .collect();
         let se = (truth.iter().map(|t| t.1 * t.1).sum::<f64>() / truth.len() as f64).sqrt();
         let mut error = |order: u32, directions: u32| {
-            let mut quality = lit(lamp(-45.0, 44.0), order, directions, 4.0);
+            let mut quality = lit(lamp(-45.0, 45.0), order, directions, 5.0);
             quality.lighting.sky_share = 0.0;
             quality.lighting.aperture_deg = aperture_deg;
             renderer.render(&GPU, &scene, &quality, SIZE).unwrap();
@@ -297,7 +291,7 @@ fn higher_orders_come_nearer_to_monte_carlo() {
         );
         assert!(by_order.windows(2).all(|pair| pair[1] < pair[0]), "{by_order:?}");
         assert!(
-            by_order[3] < 0.05 && by_order[3] < 0.3 * by_order[0] && by_directions[0] > by_directions[3],
+            by_order[3] < 0.06 && by_order[3] < 0.3 * by_order[0] && by_directions[0] > by_directions[3],
             "{by_order:?} {by_directions:?}"
         );
     }

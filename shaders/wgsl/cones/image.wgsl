@@ -7,6 +7,7 @@
 #include lib/cones
 #include lib/image_cones
 #include lib/light_grid
+#include lib/light_cell
 
 @group(0) @binding(4) var<storage, read> depths: array<f32>;
 @group(0) @binding(37) var<storage, read_write> light_grid: array<vec2<f32>>;
@@ -36,6 +37,12 @@ fn colored_extinction_at(p: vec3<f32>, level: f32) -> vec4<f32> {
     return vec4<f32>(0.0);
 }
 
+var<private> cell: u32;
+
+fn begin_of(c: vec3<f32>, w: vec3<f32>) -> vec3<f32> {
+    return middle_for(cell, w);
+}
+
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     zero = id.x >> 31u;
@@ -43,14 +50,6 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     if number >= grid.needed {
         return;
     }
-    let cell = needed[number];
-    let sheet = grid.cells.x * grid.cells.y;
-    let ijk = vec3<u32>(cell % grid.cells.x, cell % sheet / grid.cells.x, cell / sheet);
-    // The last cells may reach past the image.
-    let p = min((vec3<f32>(ijk) + 0.5) / grid.scale, vec3<f32>(context.dims));
-    let c = vec3<f32>(
-        dot(grid.right_from_index.xyz, p) + grid.right_from_index.w,
-        dot(grid.up_from_index.xyz, p) + grid.up_from_index.w,
-        dot(grid.depth_from_index.xyz, p) + grid.depth_from_index.w);
-    light_grid[cell] = light_from_cone(c);
+    cell = needed[number];
+    light_grid[cell] = light_from_cone(cell_middle(cell));
 }

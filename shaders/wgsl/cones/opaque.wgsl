@@ -64,6 +64,10 @@ fn exact_ray(c: vec3<f32>, w: vec3<f32>) -> vec2<f32> {
     return vec2<f32>(open);
 }
 
+fn begin_of(c: vec3<f32>, w: vec3<f32>) -> vec3<f32> {
+    return c;
+}
+
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     zero = id.x >> 31u;

@@ -36,6 +36,10 @@ fn is_hidden(c: vec3<f32>) -> bool {
     return false;
 }
 
+fn begin_of(c: vec3<f32>, w: vec3<f32>) -> vec3<f32> {
+    return c;
+}
+
 fn basis_at(number: u32) -> f32 {
     return basis.values[number / 4u][number % 4u];
 }
@@ -47,7 +51,6 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     if number >= grid.needed {
         return;
     }
-    let c = cell_middle(needed[number]);
     let colors = select(1u, 2u, with_masks);
     let sets = colors + select(0u, 3u, gathers_color);
     let start = number * sets * part.functions;
@@ -58,7 +61,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     }
     for (var i = 0u; i < varied(part.directions); i++) {
         let w = cones.axes[part.direction + i].xyz;
-        let seen = sub_cone(c, w).x;
+        let seen = sub_cone(middle_for(needed[number], w), w).x;
         let values = (part.direction + i) * part.functions;
         for (var k = 0u; k < varied(part.functions); k++) {
             projected[start + k] += seen * basis_at(values + k);

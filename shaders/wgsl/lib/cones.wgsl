@@ -7,6 +7,7 @@
 // - `kept_span(c, w)`: interval in millimetres along direction w from c that no clipping plane cuts away;
 // - `is_kept(c)`: whether the medium exists at c;
 // - `is_hidden(c)`: whether c counts as inside opaque geometry;
+// - `begin_of(c, w)`: where light to c from direction w is looked for, for `light_from_cone`;
 // - `colored_extinction_at(p, level)`: colour times extinction, and extinction, if it gathers colours.
 // Points p are in the medium's index space, voxel (i, j, k) filling [i, i+1) and so on; points c in camera space.
 
@@ -163,7 +164,7 @@ fn light_from_cone(c: vec3<f32>) -> vec2<f32> {
         if exact {
             sum += exact_ray(c, w);
         } else {
-            sum += sub_cone(c, w);
+            sum += sub_cone(begin_of(c, w), w);
         }
     }
     return sum / f32(cones.count);

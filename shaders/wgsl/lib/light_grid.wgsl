@@ -6,7 +6,7 @@ struct LightGrid {
     scale: vec3<f32>,               // cells per voxel
     strength: f32,                  // darkness of unlit places, 0 to 1
     corner: vec3<f32>,              // index space, where the view axis meets the reference plane
-    pad1: u32,
+    ring: f32,                      // cells outside each face of the image
     right: vec3<f32>,               // index space, one millimetre
     pad2: u32,
     up: vec3<f32>,
@@ -33,7 +33,7 @@ struct Around {
 
 // Voxel (i, j, k) fills [i, i+1) and so on.
 fn cells_around(p: vec3<f32>) -> Around {
-    let at = clamp(p * grid.scale - 0.5, vec3<f32>(0.0), vec3<f32>(grid.cells) - 1.0);
+    let at = clamp(p * grid.scale - 0.5 + grid.ring, vec3<f32>(0.0), vec3<f32>(grid.cells) - 1.0);
     let low = min(vec3<u32>(at), max(grid.cells, vec3<u32>(2u)) - 2u);
     let high = min(low + 1u, grid.cells - 1u);
     let f = at - vec3<f32>(low);

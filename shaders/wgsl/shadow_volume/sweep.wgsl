@@ -17,7 +17,7 @@ struct Slice {
     start: u32,                     // number of the first cell
     before: u32,                    // of the slice before; NONE at the first slice
     samples: u32,                   // of the image on the way
-    unused_a: u32,
+    own: u32,                       // number of the first cell of the slice whose light this one has
     unused_b: u32,
     unused_c: u32,
 }
@@ -45,7 +45,13 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(id.xy >= slice.size) {
         return;
     }
-    let at = vec2<f32>(id.xy) + slice.shift;
+    // A cell beside a face that light leaves the image through has the light of the cell inside, as `middle_for` has it.
+    let ring = vec2<u32>(u32(grid.ring));
+    // So has the last slice, by `slice.own`.
+    let low_side = select(ring, vec2<u32>(0u), slice.shift < vec2<f32>(-1e-3));
+    let high_side = slice.size - 1u - select(ring, vec2<u32>(0u), slice.shift > vec2<f32>(1e-3));
+    let own = clamp(id.xy, low_side, high_side);
+    let at = vec2<f32>(own) + slice.shift;
     let low = floor(at);
     let f = at - low;
     let i = vec2<i32>(low);
@@ -54,7 +60,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let arrives = weighed(upper, lower, f.y);
 
     let cell = slice.start + dot(id.xy, slice.strides);
-    let c = cell_middle(cell);
+    let c = cell_middle(slice.own + dot(own, slice.strides));
     let span = image_span(c, -slice.light);
     let begin = max(span.x, 0.0);
     let each = max(min(span.y, slice.segment_mm) - begin, 0.0) / f32(slice.samples);

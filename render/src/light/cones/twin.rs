@@ -106,8 +106,8 @@ impl<'a> ConeTwin<'a> {
         self
     }
 
-    /// At a point in the world, millimetres.
-    pub fn at(&self, at_mm: DVec3) -> Light {
+    /// At a point in the world, millimetres; light from a direction is looked for at `begin_of` it.
+    pub fn at(&self, at_mm: DVec3, begin_of: impl Fn(DVec3) -> DVec3) -> Light {
         let axis = -self.sight.line_through(at_mm).direction;
         let right = self.sight.right;
         let u = right - axis * axis.dot(right);
@@ -117,7 +117,7 @@ impl<'a> ConeTwin<'a> {
         let mut out = Light { image_only: 0.0, with_opaque: 0.0, color: DVec3::ZERO, is_ambiguous: false };
         let to_eye = || self.axes.iter().map(|a| u * a[0] + v * a[1] + axis * a[2]).collect();
         for w in self.to_lamp.clone().unwrap_or_else(to_eye) {
-            let one = self.sub_cone(at_mm, w);
+            let one = self.sub_cone(begin_of(w), w);
             out.image_only += one.image_only / self.axes.len() as f64;
             out.with_opaque += one.with_opaque / self.axes.len() as f64;
             out.is_ambiguous |= one.is_ambiguous;

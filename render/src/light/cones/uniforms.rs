@@ -52,7 +52,7 @@ pub(crate) struct LightGrid {
     pub scale: [f32; 3],
     pub strength: f32,
     pub corner: [f32; 3],
-    pub pad1: u32,
+    pub ring: f32,
     pub right: [f32; 3],
     pub pad2: u32,
     pub up: [f32; 3],
@@ -76,8 +76,9 @@ impl LightGrid {
         let row = |n: usize| [axes[0][n] as f32, axes[1][n] as f32, axes[2][n] as f32, zero[n] as f32];
         Self {
             cells: cells.dims.map(|d| d as u32),
-            scale: cells.voxels.map(|v| 1.0 / v as f32),
+            scale: cells.voxels.recip().as_vec3().to_array(),
             corner,
+            ring: cells.ring as f32,
             right,
             up,
             forward,
@@ -108,7 +109,7 @@ pub(crate) const LAYOUTS: &[crate::layouts::Layout] = &[
         colors, unused_b, levels, axes
     ),
     crate::layouts::layout!(
-        LightGrid, "LightGrid": cells, needed, scale, strength, corner, pad1, right, pad2, up, pad3, forward, pad4,
+        LightGrid, "LightGrid": cells, needed, scale, strength, corner, ring, right, pad2, up, pad3, forward, pad4,
         right_from_index, up_from_index, depth_from_index
     ),
     crate::layouts::layout!(LightPart, "LightPart": first, unused_a, unused_b, unused_c),

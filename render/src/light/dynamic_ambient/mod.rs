@@ -82,11 +82,11 @@ const MOST_CELLS: usize = 1 << 21;
 
 /// The cells of a size that is asked for, and what to say where they are larger.
 fn cells_of(grid: &Grid, asked_mm: f64) -> (Cells, Option<String>) {
-    let cells = Cells::at_most(grid, asked_mm, MOST_CELLS);
+    let cells = Cells::of_whole_voxels(grid, asked_mm, MOST_CELLS);
     let spacing = grid.spacing_mm();
-    let longest_mm = (0..3).map(|a| spacing[a] * cells.voxels[a] as f64).fold(0.0, f64::max);
+    let longest_mm = (0..3).map(|a| spacing[a] * cells.voxels[a]).fold(0.0, f64::max);
     let used_mm = (100.0 * longest_mm).round() / 100.0;
-    let note = (Cells::new(grid, asked_mm) != cells)
+    let note = (Cells::of_whole_voxels(grid, asked_mm, usize::MAX) != cells)
         .then(|| format!("cells of {asked_mm} mm: {used_mm} mm is used, for at most {MOST_CELLS} cells"));
     (cells, note)
 }

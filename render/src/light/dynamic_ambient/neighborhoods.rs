@@ -302,7 +302,7 @@ impl Neighborhoods {
     pub fn cut(&self, cells: &Cells, radius_mm: f64, clip: &[ClipPlane]) -> Vec<(usize, Histogram)> {
         let grid = &self.kinds.grid;
         let world = grid.world_from_voxel();
-        let side_mm = |a: usize| world.matrix3.col(a).length() * cells.voxels[a] as f64;
+        let side_mm = |a: usize| world.matrix3.col(a).length() * cells.voxels[a];
         let beyond_mm = side_mm(0) + side_mm(1) + side_mm(2);
         let is_cut = |n: &usize| {
             let at_mm = world.transform_point3(cells.place(grid, *n));

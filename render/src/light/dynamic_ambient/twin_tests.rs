@@ -48,7 +48,7 @@ fn field_of(scene: &ContextScene) -> Field {
 fn place_mm(grid: &Grid, cells: &Cells, n: usize) -> DVec3 {
     let p = [n % cells.dims[0], n / cells.dims[0] % cells.dims[1], n / (cells.dims[0] * cells.dims[1])];
     let index: [f64; 3] = std::array::from_fn(|a| {
-        let edges = [p[a] * cells.voxels[a], (p[a] + 1) * cells.voxels[a]].map(|edge| edge as f64 - 0.5);
+        let edges = [p[a], p[a] + 1].map(|edge| edge as f64 * cells.voxels[a] - 0.5);
         if p[a] == 0 {
             edges[0]
         } else if p[a] + 1 == cells.dims[a] {
@@ -95,7 +95,7 @@ pub(super) fn max_twin_error() -> f64 {
         }
         let field = field_of(&scene);
         let grid = field.grid.clone();
-        let cells = Cells::new(&grid, 6.0);
+        let cells = Cells::of_whole_voxels(&grid, 6.0, usize::MAX);
         let tissue_bleeding = if with_tumor { 0.7 } else { 0.0 };
         let quality = lit(6.0, 1024);
         let lighting = LightSettings { tissue_bleeding, ..quality.lighting };
@@ -186,7 +186,7 @@ pub(super) fn max_twin_error() -> f64 {
 fn more_clusters_come_nearer_to_each_cells_own_histogram() {
     let scene = scene(false, false, Projection::Perspective);
     let field = field_of(&scene);
-    let cells = Cells::new(&field.grid, 2.0);
+    let cells = Cells::of_whole_voxels(&field.grid, 2.0, usize::MAX);
     let tables = Tables::of(&scene.transfer, scene.volume.as_ref().unwrap().scale(), &field.ranges());
     let (kinds, bins) = kinds_of(&field);
     let own = histograms(&kinds, &cells, RADIUS_MM);
@@ -314,7 +314,7 @@ fn an_outlier_leaves_the_light_of_all_else() {
     let scene = scene(false, false, Projection::Perspective);
     let image = Arc::clone(scene.volume.as_ref().unwrap().image());
     let grid = image.grid().clone();
-    let (cells, spoilt) = (Cells::new(&grid, 6.0), [4, 4, 4]);
+    let (cells, spoilt) = (Cells::of_whole_voxels(&grid, 6.0, usize::MAX), [4, 4, 4]);
     let mut renderer = ContextRenderer::new(&GPU).unwrap();
     let quality = lit(6.0, 1024);
     let plain = drawn(&mut renderer, &scene, &quality);
@@ -343,11 +343,11 @@ fn cells_that_would_be_too_many_are_larger() {
     let (cells, note) = cells_of(&grid([256; 3]), 1.0);
     assert_eq!(
         (cells.voxels, note.as_deref()),
-        ([2; 3], Some("cells of 1 mm: 2 mm is used, for at most 2097152 cells"))
+        (DVec3::splat(2.0), Some("cells of 1 mm: 2 mm is used, for at most 2097152 cells"))
     );
     for (dims, side_mm) in [([256; 3], 2.0), ([240, 240, 155], 4.0), ([100; 3], 0.01), ([8; 3], f64::NAN)] {
         let (cells, note) = cells_of(&grid(dims), side_mm);
-        assert_eq!((cells, note), (Cells::new(&grid(dims), side_mm), None));
+        assert_eq!((cells, note), (Cells::of_whole_voxels(&grid(dims), side_mm, usize::MAX), None));
     }
 }
 
@@ -358,7 +358,7 @@ fn a_cut_through_opaque_tissue_is_lit() {
     let grid = scene.volume.as_ref().unwrap().grid().clone();
     scene.volume = Some(image_of(&grid, vec![90.0; grid.voxel_count()]));
     scene.transfer = transfer(false, 0.9);
-    let cells = Cells::new(&grid, 3.0);
+    let cells = Cells::of_whole_voxels(&grid, 3.0, usize::MAX);
     let mut renderer = ContextRenderer::new(&GPU).unwrap();
     // A cell in the middle of the cut has its middle 1.5 mm behind it.
     let of_cut = |light: &[f64]| light[(5 * cells.dims[1] + 5) * cells.dims[0] + 5];

@@ -249,6 +249,7 @@ impl HalfAngleLight {
             center: in_camera_space(camera, reference_mm, image.volume.grid().center_mm()),
             slab_mm: settings.slice_mm,
             texel_mm: settings.lamp_texel_mm,
+            voxel_mm: image.volume.grid().spacing_mm().min_element(),
         };
         let bricks: Vec<_> = image.buffers.visible_bricks().collect();
         let world_from_voxel = image.buffers.shape().grid.world_from_voxel();

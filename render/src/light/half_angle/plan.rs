@@ -14,6 +14,9 @@ use crate::{
 
 /// Most texels of the light's buffer along a side.
 const MOST_TEXELS: u32 = 2048;
+/// Slabs and texels for each of the image's voxels, at most: finer ones find nothing more, and an image of large voxels would need
+/// thousands of them.
+const MOST_PER_VOXEL: f64 = 8.0;
 /// Half the range of angles about 90 degrees between light and sight in which both cases are drawn and mixed, with slabs of
 /// 1 mm: their difference grows with the square of the slabs, and so does the range.
 const MIXED_DEG: f64 = 5.0;
@@ -32,6 +35,8 @@ pub(crate) struct Requested {
     pub center: DVec3,
     pub slab_mm: f64,
     pub texel_mm: f64,
+    /// Shortest distance between voxels.
+    pub voxel_mm: f64,
 }
 
 /// One of the two half vectors.
@@ -168,7 +173,7 @@ impl HalfAnglePlan {
         let found: Vec<_> = cases(requested.light, requested.slab_mm, widest).collect();
         let spans: Vec<_> = found.iter().map(|(_, normal, _)| along(*normal)).collect();
         let longest_mm = spans.iter().map(|s| whole(s)).map(|(low, high)| high - low).fold(0.0, f64::max);
-        plan.set_slab(longest_mm);
+        plan.set_slab(requested.voxel_mm, longest_mm);
         for ((ahead, normal, weight), spans) in found.into_iter().zip(spans) {
             let (first, slabs) = (requested.center.dot(normal), plan.slab_mm);
             let number = |at_mm: f64| ((at_mm - first) / slabs).floor();
@@ -201,7 +206,8 @@ impl HalfAnglePlan {
         let texel_mm = requested.texel_mm;
         let longest = (x.1 - x.0).max(y.1 - y.0);
         // Three are around the image, and one is cut.
-        let least = longest / f64::from(MOST_TEXELS - 4);
+        let least =
+            (longest / f64::from(MOST_TEXELS - 4)).max((requested.voxel_mm / MOST_PER_VOXEL).min(longest));
         let used = if texel_mm.is_finite() && texel_mm > 0.0 {
             texel_mm.clamp(least, longest)
         } else {
@@ -220,11 +226,12 @@ impl HalfAnglePlan {
     }
 
     /// Slabs through an image of this length.
-    fn set_slab(&mut self, longest_mm: f64) {
+    fn set_slab(&mut self, voxel_mm: f64, longest_mm: f64) {
         let requested = self.slab_mm;
         self.slab_mm = if requested.is_finite() && requested > 0.0 {
             // A slab's corners take one more.
-            requested.clamp(longest_mm / f64::from(MOST_SLICES - 1), longest_mm)
+            let least = (longest_mm / f64::from(MOST_SLICES - 1)).max(voxel_mm / MOST_PER_VOXEL);
+            requested.clamp(least.min(longest_mm), longest_mm)
         } else {
             longest_mm / 256.0
         };

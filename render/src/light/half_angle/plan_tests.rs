@@ -13,7 +13,7 @@ use super::{
 use crate::{
     ContextRenderer, ContextScene,
     image::{ControlPoint, TransferFunction},
-    light::suite::{cubic, image_of, scene},
+    light::suite::{cubic, image_of, lumps, scene, transfer},
     scene::{Lamp, Quality},
     testing::GPU,
 };
@@ -165,4 +165,27 @@ fn slabs_and_texels_are_bounded() {
             }
         }
     }
+}
+
+/// An image two metres wide, whose voxels are large: slabs and texels of a millimetre would be thousands. Those that are used are told,
+/// and near the exact integral.
+#[test]
+fn large_voxels_have_few_slabs() {
+    let grid = cubic(40, DVec3::splat(50.0));
+    let scene = ContextScene {
+        volume: Some(lumps(&grid)),
+        transfer: transfer(false, 0.01),
+        camera: Camera::fit(DVec3::ZERO, 1100.0, Camera::orientation(31.3, 19.7), Projection::Perspective),
+        ..scene(false, false, Projection::Perspective)
+    };
+    let (size, angle) = ([24, 22], lamp(-45.0, 45.0));
+    let plan = plan_of(&scene, &lit(angle, 1.0, 1.0), size);
+    let slabs: usize = plan.cases.iter().map(|case| case.slabs.len()).sum();
+    println!("{slabs} slabs, {:?} texels, {:?}", plan.texels, plan.notes);
+    // Eight for each voxel of a diagonal at most.
+    assert!(slabs <= 560 && plan.texels.iter().all(|t| *t <= 560) && plan.notes.len() == 2, "{slabs}");
+    let picture = drawn(&mut ContextRenderer::new(&GPU).unwrap(), &scene, &lit(angle, 1.0, 1.0), size);
+    let off = error(&picture, &exact(&scene, angle, size));
+    println!("{off:.5}");
+    assert!(off < 0.003, "{off}");
 }

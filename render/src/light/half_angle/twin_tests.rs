@@ -46,6 +46,7 @@ pub(super) fn plan_of(scene: &ContextScene, quality: &Quality, size: [u32; 2]) -
         center: in_camera_space(camera, reference_mm, volume.grid().center_mm()),
         slab_mm: quality.lighting.slice_mm,
         texel_mm: quality.lighting.lamp_texel_mm,
+        voxel_mm: scene.volume.as_ref().unwrap().grid().spacing_mm().min_element(),
     };
     let mut cached = None;
     let buffers = ImageBuffers::reuse(&mut cached, &GPU, volume, &scene.transfer).unwrap();

@@ -291,12 +291,18 @@ impl ShadowVolumeLight {
         let [x, y] = common.size.map(|s| s.div_ceil(8));
         let stride = number_strides(&cells)[sweep.axis];
         let mut before = NONE;
-        for slice in sweep.slices(&cells) {
+        let (mut met, mut own) = (NONE, NONE);
+        let last = cells.dims[sweep.axis] - cells.ring;
+        for (n, slice) in sweep.slices(&cells).enumerate() {
             let start = slice as u32 * stride;
+            // Outside the face that light leaves through: the light of the slice inside once more.
+            if n < last {
+                (before, own) = (met, start);
+            }
             steps.push(Dispatch { pipeline: 0, offset: uniforms.len() as u32, workgroups: [x, y, 1] });
-            uniforms.extend_from_slice(bytemuck::bytes_of(&Slice { start, before, ..common }));
+            uniforms.extend_from_slice(bytemuck::bytes_of(&Slice { start, own, before, ..common }));
             uniforms.resize(steps.len() * STRIDE, 0);
-            before = start;
+            met = start;
         }
         let work = LightWork {
             slices: steps.len() as u32,

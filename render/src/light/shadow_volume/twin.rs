@@ -11,10 +11,7 @@ use crate::light::{cones::grid::Cells, half_angle::twin::LampTwin};
 /// Light of each cell by a sweep: past the image, and past image and masks.
 pub(super) fn cells_of(twin: &LampTwin<'_>, grid: &Grid, cells: &Cells, sweep: &Sweep) -> Vec<[f64; 2]> {
     let light = twin.turned(twin.light);
-    let middle = |p: [usize; 3]| {
-        let index: [f64; 3] = std::array::from_fn(|a| (p[a] as f64 + 0.5) * cells.voxels[a] as f64 - 0.5);
-        grid.world_from_voxel().transform_point3(DVec3::from_array(index))
-    };
+    let middle = |n: usize| grid.world_from_voxel().transform_point3(cells.middle(n));
     let number = |p: [usize; 3]| (p[2] * cells.dims[1] + p[1]) * cells.dims[0] + p[0];
     let place = |n: usize| {
         [n % cells.dims[0], n / cells.dims[0] % cells.dims[1], n / (cells.dims[0] * cells.dims[1])]
@@ -25,7 +22,12 @@ pub(super) fn cells_of(twin: &LampTwin<'_>, grid: &Grid, cells: &Cells, sweep: &
         let found: Vec<f64> = in_slice
             .par_iter()
             .map(|&n| {
-                let p = place(n);
+                let mut p = place(n);
+                for a in 0..3 {
+                    let low = if sweep.shift[a] < -1e-3 { 0 } else { cells.ring };
+                    let high = cells.dims[a] - 1 - if sweep.shift[a] > 1e-3 { 0 } else { cells.ring };
+                    p[a] = p[a].clamp(low, high);
+                }
                 // Trilinear between cells; weight 0 along the axis, as the shift is whole there.
                 let from = DVec3::from_array(p.map(|c| c as f64)) + sweep.shift;
                 let (low, f) = (from.floor(), from - from.floor());
@@ -40,7 +42,7 @@ pub(super) fn cells_of(twin: &LampTwin<'_>, grid: &Grid, cells: &Cells, sweep: &
                             weight * if inside { carried[number(at.map(|c| c as usize))] } else { 1.0 };
                     }
                 }
-                let c = middle(p);
+                let c = middle(number(p));
                 let (near, far) = twin.span(&Ray { origin_mm: c, direction: -light });
                 let (near, far) = (near.max(0.0), far.min(sweep.segment_mm));
                 let samples = sweep.samples(grid);
@@ -58,7 +60,7 @@ pub(super) fn cells_of(twin: &LampTwin<'_>, grid: &Grid, cells: &Cells, sweep: &
     (0..cells.count())
         .into_par_iter()
         .map(|n| {
-            let c = middle(place(n));
+            let c = middle(n);
             let hidden = twin.voxels.as_ref().is_some_and(|voxels| {
                 let to_eye =
                     if twin.light.z > 0.0 { twin.sight.depth_mm(c) / twin.light.z } else { f64::INFINITY };

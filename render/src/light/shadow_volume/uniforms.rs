@@ -14,7 +14,7 @@ pub(crate) struct Slice {
     pub start: u32,
     pub before: u32,
     pub samples: u32,
-    pub unused_a: u32,
+    pub own: u32,
     pub unused_b: u32,
     pub unused_c: u32,
 }
@@ -22,5 +22,5 @@ pub(crate) struct Slice {
 /// For the test of layouts.
 #[cfg(test)]
 pub(crate) const LAYOUTS: &[crate::layouts::Layout] = &[crate::layouts::layout!(
-    Slice, "Slice": light, segment_mm, shift, size, strides, start, before, samples, unused_a, unused_b, unused_c
+    Slice, "Slice": light, segment_mm, shift, size, strides, start, before, samples, own, unused_b, unused_c
 )];

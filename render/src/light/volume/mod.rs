@@ -2,6 +2,9 @@
 //!
 //! Lifetimes: the cells (8 bytes each, 16 where light has colours) once per image and cell size; the uniform once per frame.
 
+#[cfg(test)]
+mod face_tests;
+
 use glioscope_core::Grid;
 
 use super::{

@@ -475,21 +475,30 @@ fn legend(
     let font = theme::font(LABEL_POINTS);
     let amber = Tokens::of(dark).warning;
     let of_more = more.iter().map(|line| (None, line.text.clone(), if line.marked { amber } else { ink }));
-    let galleys: Vec<_> = lines
-        .into_iter()
-        .map(|(color, text)| (color, text, ink))
-        .chain(of_more)
-        .map(|(color, text, ink)| {
-            (color, painter.layout(text, font.clone(), ink, (rect.width() - 40.0).max(80.0)))
-        })
-        .collect();
+    let lines: Vec<_> = lines.into_iter().map(|(color, text)| (color, text, ink)).chain(of_more).collect();
+    let laid_out = |lines: Vec<LegendLine>| -> Vec<_> {
+        let galley = |text, ink| painter.layout(text, font.clone(), ink, (rect.width() - 40.0).max(80.0));
+        lines.into_iter().map(|(color, text, ink)| (color, galley(text, ink))).collect()
+    };
     let inset = |color: Option<[u8; 3]>| if color.is_some() { 17.0 } else { 0.0 };
     let has_ramp = !report.has_volumes_only();
-    let width = galleys.iter().map(|(color, g)| g.size().x + inset(*color)).fold(0.0, f32::max);
-    let mut corner = rect.left_top() + vec2(10.0, 8.0);
-    let height = galleys.iter().map(|(_, galley)| galley.size().y + 2.0).sum::<f32>();
     let ramp_height = if has_ramp { 28.0 } else { 0.0 };
-    draw::plate(&painter, Rect::from_min_size(corner, vec2(width, height + ramp_height)), dark);
+    let mut corner = rect.left_top() + vec2(10.0, 8.0);
+    let plate_of = |galleys: &[(Option<[u8; 3]>, std::sync::Arc<egui::Galley>)]| {
+        let width = galleys.iter().map(|(color, g)| g.size().x + inset(*color)).fold(0.0, f32::max);
+        let height = galleys.iter().map(|(_, galley)| galley.size().y + 2.0).sum::<f32>();
+        Rect::from_min_size(corner, vec2(width, height + ramp_height))
+    };
+    let short = shortened(&lines, (ink, amber));
+    let mut galleys = laid_out(lines);
+    // Below it would be what it is about: only what has a colour, until the pointer is there.
+    if !input.is_picture && plate_of(&galleys).height() > MOST_LEGEND * rect.height() {
+        let of_short = laid_out(short);
+        if !ui.rect_contains_pointer(plate_of(&of_short)) {
+            galleys = of_short;
+        }
+    }
+    draw::plate(&painter, plate_of(&galleys), dark);
     if has_ramp {
         let most_mm = [report.recession.max_mm, report.growth.max_mm].map(|mm| mm.unwrap_or(0.0));
         corner.y += ramp(&painter, corner, look, (least_mm, most_mm), ink);
@@ -503,6 +512,23 @@ fn legend(
         painter.galley(corner + vec2(inset(color), 0.0), galley, ink);
         corner.y += line;
     }
+}
+
+/// The share of a pane's height above which its legend is shortened.
+const MOST_LEGEND: f32 = 0.35;
+
+/// A line of the legend: the colour of its swatch, its text and its ink.
+type LegendLine = (Option<[u8; 3]>, String, Color32);
+
+/// A legend's lines that have a colour; one, amber if any of the others is, says how many more there are.
+fn shortened(lines: &[LegendLine], (ink, amber): (Color32, Color32)) -> Vec<LegendLine> {
+    let (mut kept, others): (Vec<_>, Vec<_>) = lines.iter().cloned().partition(|(color, ..)| color.is_some());
+    if !others.is_empty() {
+        let is_marked = others.iter().any(|(_, _, ink)| *ink == amber);
+        let text = format!("{} more: point here", others.len());
+        kept.push((None, text, if is_marked { amber } else { ink }));
+    }
+    kept
 }
 
 /// Components named by the legend as displaced at most: the table of `change` has all.
@@ -585,4 +611,22 @@ fn flag_text(flag: Flag) -> Option<&'static str> {
         Flag::TouchesBorder => "a mask touches the image's border",
         Flag::NoSet => return None,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_short_legend_keeps_colours_and_says_that_a_warning_is_left_out() {
+        let (ink, amber) = (Color32::WHITE, Color32::GOLD);
+        let line = |color: Option<[u8; 3]>, text: &str, ink| (color, text.to_owned(), ink);
+        let grew = line(Some([1, 2, 3]), "grew", ink);
+        let plain = [grew.clone(), line(None, "faint", ink)];
+        assert_eq!(shortened(&plain, (ink, amber)), [grew.clone(), line(None, "1 more: point here", ink)]);
+        let marked =
+            [plain.to_vec(), vec![line(None, "displaced?", amber), line(None, "checked", ink)]].concat();
+        assert_eq!(shortened(&marked, (ink, amber)), [grew.clone(), line(None, "3 more: point here", amber)]);
+        assert_eq!(shortened(std::slice::from_ref(&grew), (ink, amber)), [grew]);
+    }
 }

@@ -35,8 +35,8 @@ impl Window {
     pub fn matched(self, from: &Histogram, to: &Histogram) -> Self {
         let (Some(mut from_range), Some(mut to_range)) = (from.p01_p99(), to.p01_p99()) else { return self };
         if let (Some(from), Some(to)) = (from.background(), to.background())
-            && from < from_range.0
-            && to < to_range.0
+            && from < from_range.1
+            && to < to_range.1
         {
             (from_range.0, to_range.0) = (from, to);
         }
@@ -456,6 +456,16 @@ mod tests {
             window.low == 0.0 && window.grey(p99).abs_diff(a.grey(plain.p01_p99().unwrap().1)) <= 1,
             "{window:?}"
         );
+        // Also where interpolation undershoots, so that the first percentile lies below.
+        let under = histogram(
+            Samples::F32(
+                (0..140_000).map(|i| if i < 1500 { -3.0 } else { 0.0 }).chain(head.iter().copied()).collect(),
+            ),
+            Scaling::NONE,
+        );
+        assert!(under.p01_p99().unwrap().0 < 0.0 && under.background() == Some(0.0));
+        let window = a.matched(&plain, &under);
+        assert!(window.low == 0.0 && (window.high / a.high - 1.0).abs() < 0.01, "{window:?}");
         // One voxel far beyond makes no background of all others.
         let outlier = (0..5000).map(|i| i as f32).chain([1e9]).collect();
         assert_eq!(histogram(Samples::F32(outlier), Scaling::NONE).background(), None);

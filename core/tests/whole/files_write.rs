@@ -379,13 +379,13 @@ fn a_folder_is_writable_where_a_file_can_be_created() {
     let (own, file, missing) =
         (folder.path().join("own"), folder.path().join("file"), folder.path().join("missing"));
     std::fs::create_dir(&own).unwrap();
-    std::fs::write(&file, "").unwrap();
+    write_whole(&file, b"").unwrap();
     assert!(is_writable_folder(&own) && !is_writable_folder(&file) && !is_writable_folder(&missing));
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;
         std::fs::set_permissions(&own, std::fs::Permissions::from_mode(0o555)).unwrap();
-        assert_eq!(is_writable_folder(&own), std::fs::write(own.join("probe"), "").is_ok());
+        assert_eq!(is_writable_folder(&own), write_whole(&own.join("probe"), b"").is_ok());
         std::fs::set_permissions(&own, std::fs::Permissions::from_mode(0o755)).unwrap();
     }
 }

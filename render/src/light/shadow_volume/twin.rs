@@ -22,12 +22,12 @@ pub(super) fn cells_of(twin: &LampTwin<'_>, grid: &Grid, cells: &Cells, sweep: &
         let found: Vec<f64> = in_slice
             .par_iter()
             .map(|&n| {
-                let mut p = place(n);
-                for a in 0..3 {
+                let own = place(n);
+                let p: [usize; 3] = std::array::from_fn(|a| {
                     let low = if sweep.shift[a] < -1e-3 { 0 } else { cells.ring };
                     let high = cells.dims[a] - 1 - if sweep.shift[a] > 1e-3 { 0 } else { cells.ring };
-                    p[a] = p[a].clamp(low, high);
-                }
+                    own[a].clamp(low, high)
+                });
                 // Trilinear between cells; weight 0 along the axis, as the shift is whole there.
                 let from = DVec3::from_array(p.map(|c| c as f64)) + sweep.shift;
                 let (low, f) = (from.floor(), from - from.floor());

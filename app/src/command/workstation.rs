@@ -11,7 +11,7 @@ use egui_tiles::Tree;
 use glioscope_cohort::hidden_order;
 use glioscope_core::{
     case::{self, Case, LoadOptions, Proposal},
-    files::{Inputs, absolute},
+    files::{Inputs, absolute, printable},
 };
 
 use glioscope_render::MaskColors;
@@ -33,6 +33,16 @@ use crate::{
         load::{Accepted, LoadJob, Opened, OpenedCase, Request, Unordered},
     },
 };
+
+/// The session that saving proposes for a folder that is a case, where there is one.
+fn session_beside(case: &CaseRef) -> Option<PathBuf> {
+    let CaseRef::Path(folder) = case else { return None };
+    let folder = std::path::absolute(folder).ok().filter(|folder| folder.is_dir())?;
+    let mut name = folder.file_name()?.to_owned();
+    name.push(".");
+    name.push(session::EXTENSION);
+    Some(folder.with_file_name(name)).filter(|session| session.is_file())
+}
 
 /// A case whose files' roles were guessed from their names.
 pub struct Guess {
@@ -543,6 +553,11 @@ impl Workstation {
                     let is_judged = doc.open_for_reading(case, &usual, !keeps_layout);
                     self.opened_with = (!keeps_layout).then(|| doc.edit.layout.clone());
                     self.saved = Some(Box::new(doc.edit.clone()));
+                    // Whoever opens the folder again may look for what was done last time.
+                    if let Some(session) = session_beside(&doc.case) {
+                        let name = session.file_name().unwrap_or_default().to_string_lossy();
+                        notices.push(format!("A session lies beside the case: {}.", printable(&name)));
+                    }
                     if let Some(criterion) = usual.criterion.filter(|_| is_judged) {
                         notices.push(format!("Criteria as in the last report: {}.", criterion.name()));
                     }

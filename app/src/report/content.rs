@@ -65,15 +65,16 @@ impl Content<'_> {
                 let birth =
                     dates::dicom_date(&patient.birth_date).unwrap_or_else(|| patient.birth_date.clone());
                 facts.push((words.get("patient"), stated(&patient.name)));
-                facts.push((words.get("patient-id"), stated(&patient.id)));
-                facts.push((words.get("born"), stated(&birth)));
+                // Once is enough for what no file states.
                 let sex = match patient.sex.as_str() {
                     "M" => words.get("sex-male"),
                     "F" => words.get("sex-female"),
                     "O" => words.get("sex-other"),
-                    other => stated(other),
+                    other => other.to_owned(),
                 };
-                facts.push((words.get("sex"), sex));
+                let known = [("patient-id", patient.id.clone()), ("born", birth), ("sex", sex)];
+                let known = known.into_iter().filter(|(_, value)| !value.is_empty());
+                facts.extend(known.map(|(key, value)| (words.get(key), value)));
                 facts.extend(self.studies().map(|study| (words.get("study"), study)));
                 facts.push((words.get("case"), self.case.name.clone()));
             }

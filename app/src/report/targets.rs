@@ -105,8 +105,11 @@ impl<'a> Targets<'a> {
     fn table(&self, sum: &SumReport, by_volume: Option<&SumReport>) -> Table {
         let words = self.words;
         let role = |is_target: bool| words.get(if is_target { "is-target" } else { "is-not-target" });
+        // Flecks of a mask that nobody made targets count for no call; the table of lesions counts them.
+        let counts = |name: &str| self.lesion(name).is_none_or(|lesion| !lesion.small);
+        let shown = sum.lesions.iter().filter(|one| one.target || counts(&one.lesion));
         let mut rows: Vec<Vec<String>> =
-            sum.lesions.iter().map(|one| self.row(&one.lesion, role(one.target), sum.quantity)).collect();
+            shown.map(|one| self.row(&one.lesion, role(one.target), sum.quantity)).collect();
         let report = self.lesions.into_iter();
         let new = report.flat_map(new_lesions).filter(|(_, date)| date.time == self.dates[1]);
         rows.extend(new.map(|(name, _)| self.row(name, words.get("is-new"), sum.quantity)));

@@ -28,11 +28,23 @@ fn tone_of(grows: bool) -> vec3<f32> {
     return select(change.shrink, change.grow, grows);
 }
 
+fn stripe_at(along: u32) -> f32 {
+    let place = f32(along) / (8.0 * view.line_scale);
+    return smoothstep(0.15, 0.3, abs(fract(place) - 0.5));
+}
+
 // Stripes where no change length is defined: a connected component appeared or disappeared.
 fn hatched(color: vec3<f32>, kind: u32, pixel: vec2<u32>) -> vec3<f32> {
-    let place = f32(pixel.x + pixel.y) / (8.0 * view.line_scale);
-    let stripe = smoothstep(0.15, 0.3, abs(fract(place) - 0.5));
-    return mix(color, tone_of((kind & AFTER) != 0u), mix(0.15, 0.75, stripe));
+    return mix(color, tone_of((kind & AFTER) != 0u), mix(0.15, 0.75, stripe_at(pixel.x + pixel.y)));
+}
+
+// The colour of a change: where the tissue moved too, in stripes across the others with that of displacement.
+fn change_tone(height: vec2<f32>, pixel: vec2<u32>) -> vec3<f32> {
+    let tone = tone_of(height.x > 0.0);
+    if !is_displaced(height.y) {
+        return tone;
+    }
+    return mix(tone, change.displaced.rgb, stripe_at(pixel.x + view.size.y - pixel.y));
 }
 
 struct ArrowSample {
@@ -110,8 +122,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         } else if (varied(change.flags) & HAS_HEIGHTS) != 0u {
             let height = heights[at];
             let opacity = clamp(abs(height.x) / change.full_mm, 0.0, 1.0) * clamp(certainty_of(height.y), 0.0, 1.0);
-            let tone = select(tone_of(height.x > 0.0), change.displaced.rgb, is_displaced(height.y));
-            color = mix(color, tone, opacity);
+            color = mix(color, change_tone(height, id.xy), opacity);
         }
         color = in_light(color, o);
     } else if (flags() & HAS_CONTEXT) != 0u {

@@ -122,14 +122,16 @@ pub(in crate::views) fn verify_meant(report: &LesionsReport, selected: &Selected
     Some(Edit::Verify { from: from.clone(), to: to.clone() })
 }
 
-/// The first proposed link after the selected one, in the order of the list.
+/// The first proposed link after the selected one, the largest lesions first.
 pub(in crate::views) fn next(
     input: &Input<'_>,
     report: &LesionsReport,
     selected: &mut Selected,
     out: &mut Commands,
 ) {
-    let all: Vec<[&Anchor; 2]> = report.proposed().filter_map(ends).collect();
+    let mut all: Vec<[&Anchor; 2]> = report.proposed().filter_map(ends).collect();
+    let volume_ml = |anchor: &Anchor| part_of(report, anchor).map_or(0.0, |(_, part)| part.volume_ml);
+    all.sort_by(|[_, a], [_, b]| volume_ml(b).total_cmp(&volume_ml(a)));
     let current = all.iter().position(|link| selected.is_link(*link));
     let at = current.map_or(0, |at| (at + 1) % all.len().max(1));
     if let Some([from, to]) = all.get(at) {

@@ -105,7 +105,10 @@ pub(super) fn show(
                 let is_found = |asked: Asked| {
                     asked == Asked::NewLesion && wanted.new_in_masks.contains_key(label.as_str())
                 };
-                let open = |asked: Asked| wanted.at(scan, asked) && !stated(asked) && !is_found(asked);
+                let open = |asked: Asked| {
+                    let is_seen = asked != Asked::Flair || !lacks_flair(input, label);
+                    wanted.at(scan, asked) && !stated(asked) && !is_found(asked) && is_seen
+                };
                 nothing_worse(ui, date, &mut facts, (dose, wanted.only_measurable), &open, by);
             });
             if no_dates {
@@ -122,6 +125,9 @@ pub(super) fn show(
                     let name = draw::asked(ui, title, wanted.counts_at(label, asked) && !stated(asked));
                     cell(ui, asked, &format!("{title} at {date}"), &mut facts, name.id, by);
                     no_more(ui, counts);
+                    if asked == Asked::Flair && lacks_flair(input, label) {
+                        ui.weak("no image here is named T2 or FLAIR");
+                    }
                 });
                 // On lines of their own, where they stay whole.
                 let found = wanted.new_in_masks.get(label.as_str());
@@ -139,6 +145,14 @@ pub(super) fn show(
         });
         ui.add_space(4.0);
     }
+}
+
+/// Whether a scan has images, and none that is named like T2 or FLAIR: what these show isn't stated by the way.
+fn lacks_flair(input: &Input<'_>, label: &str) -> bool {
+    let images =
+        input.case.time_points.iter().filter(|time| time.label == label).flat_map(|time| &time.contexts);
+    let names: Vec<String> = images.map(|image| image.id.to_lowercase()).collect();
+    !names.is_empty() && !names.iter().any(|name| name.contains("fla") || name.contains("t2"))
 }
 
 /// A new lesion of the masks, which a click shows in all views; in the colour of warnings unless the reader states one, too.

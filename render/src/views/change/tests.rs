@@ -261,7 +261,7 @@ fn lookup_and_filter_agree_with_their_twin() {
     }
 }
 
-/// A ball that grew by 3 mm: where the tissue moved too, its colour is that of displacement, on the surface and on arrows; without marks,
+/// A ball that grew by 3 mm: where the tissue moved too, its colour is that of displacement, on the surface in stripes; without marks,
 /// or with none that is true, not a pixel differs.
 #[test]
 fn what_the_tissue_explains_has_a_colour_of_its_own() {
@@ -296,8 +296,10 @@ fn what_the_tissue_explains_has_a_colour_of_its_own() {
         let none = tones(&none);
         println!("{style:?}: growth and displacement, without marks {none:?}, half {half:?}, all {all:?}");
         assert!(none[0] > 500 && none[1] == 0, "{style:?}: {none:?}");
-        assert!(all[1] > 500 && all[0] == 0, "{style:?}: {all:?}");
-        assert!(3 * half[0] > none[0] && 3 * half[1] > all[1], "{style:?}: {half:?}");
+        // On the surface in stripes with the colour of growth, on arrows alone.
+        let is_striped = style == ChangeStyle::Height;
+        assert!(all[1] > 500 && (all[0] > 0) == is_striped && 2 * all[0] < none[0], "{style:?}: {all:?}");
+        assert!(half[0] > all[0] + none[0] / 5 && 3 * half[1] > all[1], "{style:?}: {half:?}");
     }
 }
 

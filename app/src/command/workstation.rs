@@ -34,16 +34,6 @@ use crate::{
     },
 };
 
-/// The session that saving proposes for a folder that is a case, where there is one.
-fn session_beside(case: &CaseRef) -> Option<PathBuf> {
-    let CaseRef::Path(folder) = case else { return None };
-    let folder = std::path::absolute(folder).ok().filter(|folder| folder.is_dir())?;
-    let mut name = folder.file_name()?.to_owned();
-    name.push(".");
-    name.push(session::EXTENSION);
-    Some(folder.with_file_name(name)).filter(|session| session.is_file())
-}
-
 /// A case whose files' roles were guessed from their names.
 pub struct Guess {
     /// What is being opened.
@@ -554,7 +544,7 @@ impl Workstation {
                     self.opened_with = (!keeps_layout).then(|| doc.edit.layout.clone());
                     self.saved = Some(Box::new(doc.edit.clone()));
                     // Whoever opens the folder again may look for what was done last time.
-                    if let Some(session) = session_beside(&doc.case) {
+                    if let Some(session) = session::beside(&doc.case) {
                         let name = session.file_name().unwrap_or_default().to_string_lossy();
                         notices.push(format!("A session lies beside the case: {}.", printable(&name)));
                     }

@@ -86,6 +86,16 @@ pub fn is_session(path: &Path) -> bool {
         && (has_key(&head) || read_small(path, MAX_BYTES, "a session file").is_ok_and(|all| has_key(&all)))
 }
 
+/// The session that saving proposes for a folder that is a case, where there is one.
+pub fn beside(case: &CaseRef) -> Option<PathBuf> {
+    let CaseRef::Path(folder) = case else { return None };
+    let folder = std::path::absolute(folder).ok().filter(|folder| folder.is_dir())?;
+    let mut name = folder.file_name()?.to_owned();
+    name.push(".");
+    name.push(EXTENSION);
+    Some(folder.with_file_name(name)).filter(|session| session.is_file())
+}
+
 /// `path` with the ending of session files, unless it has it.
 pub fn with_ending(path: PathBuf) -> PathBuf {
     if has_ending(&path) {

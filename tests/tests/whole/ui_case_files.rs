@@ -156,9 +156,20 @@ fn a_session_is_named_after_its_cases_folder() {
         wait_for_workers(harness);
     };
     ask(&mut harness, 1);
-    open(&mut harness, CaseRef::Path(path));
+    open(&mut harness, CaseRef::Path(path.clone()));
     press(&mut harness, Key::Enter);
     ask(&mut harness, 2);
+    let beside = "A session lies beside the case: patient 7.glioscope.json.";
+    assert!(harness.query_by_label_contains(beside).is_none());
+    let session = folder.path().join("patient 7.glioscope.json");
+    perform(&mut harness, AppCommand::SaveSessionTo(session));
+    open(&mut harness, CaseRef::Sample);
+    open(&mut harness, CaseRef::Path(path));
+    if is_asked(&harness) {
+        press(&mut harness, Key::Enter);
+    }
+    assert_eq!(case(&harness).time_labels().len(), 2);
+    assert!(harness.query_by_label_contains(beside).is_some());
     let asked = asked.lock().unwrap();
     let names: Vec<&str> = asked.iter().map(|(name, _)| name.as_str()).collect();
     assert_eq!(names, ["case.glioscope.json", "patient 7.glioscope.json"]);
